@@ -1,0 +1,56 @@
+"""seatdyn: dynamics of the seated human body on a seat with a vibration isolation system.
+
+The public names are loaded on first use, so that importing one part does not load the rest.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+_WHERE = {
+    "seatdyn.errors": (
+        "SeatdynError ModelError ExcitationError RequestError OutputError "
+        "SeatdynWarning ExtrapolationWarning DriftWarning Status"
+    ),
+    "seatdyn.model.body": "SeatedBody Link FeedbackForce FeedbackTerm load_body list_bodies",
+    "seatdyn.model.elements": (
+        "Spring Damper QuadraticDamper CoulombFriction PiecewiseSpring EndStop "
+        "TangentPolynomialSpring PolynomialDamper AsymmetricDamper Preload"
+    ),
+    "seatdyn.model.tables": "TableSpring TableDamper",
+    "seatdyn.model.custom": "force_law",
+    "seatdyn.model.seat": "Seat",
+    "seatdyn.model.system": "SeatSystem",
+    "seatdyn.model.excitation": "Sine SineSum Still",
+    "seatdyn.model.pulses": "Step HalfSineShock Sweep",
+    "seatdyn.model.record": "Record read_record",
+    "seatdyn.analysis.linear": (
+        "poles zeros modes frequency_response active_bands state_space"
+    ),
+    "seatdyn.analysis.stability": (
+        "is_stable stability_map stability_boundary critical_values"
+    ),
+    "seatdyn.analysis.transient": "simulate",
+    "seatdyn.analysis.steady": "steady_state",
+    "seatdyn.output.figures": "plot",
+    "seatdyn.output.files": "save load",
+}
+_HOME = {name: module for module, names in _WHERE.items() for name in names.split()}
+__all__ = sorted([*_HOME, "__version__"])
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module on first use."""
+    if name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'seatdyn' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Public names."""
+    return __all__

@@ -1,0 +1,1 @@
+"""What is asked: each function takes a system and a request and gives back a labelled Dataset."""

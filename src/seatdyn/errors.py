@@ -1,0 +1,77 @@
+"""What can go wrong, one exception per stage, and the status that every result carries."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class SeatdynError(ValueError):
+    """Base of every error raised on purpose by seatdyn: bad input, never a bug."""
+
+
+class ModelError(SeatdynError):
+    """A body, seat, element or system that cannot exist."""
+
+
+class ExcitationError(SeatdynError):
+    """A base motion that is not usable: no level, a gap in a record, a drift."""
+
+
+class RequestError(SeatdynError):
+    """A question that the analysis cannot answer as asked."""
+
+
+class OutputError(SeatdynError):
+    """A result that cannot be written where it was asked for."""
+
+
+class SeatdynWarning(UserWarning):
+    """Base of every warning of seatdyn."""
+
+
+class ExtrapolationWarning(SeatdynWarning):
+    """A measured table was used outside its range."""
+
+
+class DriftWarning(SeatdynWarning):
+    """A base motion ends with a velocity or displacement left over."""
+
+
+class Status(StrEnum):
+    """How a computation ended. Results that are not `OK` or `CONVERGED` are not to be used as numbers."""
+
+    OK = "ok"
+    CONVERGED = "converged"
+    UNSTABLE = "unstable"
+    NO_PERIODIC_RESPONSE = "no_periodic_response"
+    CHATTERING = "chattering"
+    DIVERGED = "diverged"
+    STEP_LIMIT = "step_limit"
+    STEP_TOO_SMALL = "step_too_small"
+
+    @property
+    def message(self) -> str:
+        """One sentence for a person."""
+        return _MESSAGES[self]
+
+    @property
+    def valid(self) -> bool:
+        """Whether the numbers beside this status may be used."""
+        return self in (Status.OK, Status.CONVERGED)
+
+
+_MESSAGES = {
+    Status.OK: "The run reached its end.",
+    Status.CONVERGED: "The steady state repeats itself within the stated tolerance.",
+    Status.UNSTABLE: "The linear system has a pole with non-negative real part: it has no steady "
+    "state. Change seat mass or damping (see `seatdyn critical`).",
+    Status.NO_PERIODIC_RESPONSE: "No response with the period of the excitation was reached: it "
+    "grows, is subharmonic, quasi-periodic or chaotic. Look at it with `simulate`.",
+    Status.CHATTERING: "A force that jumps was crossed more often than the allowed number of "
+    "events per second. Raise `stick_speed` or soften the jump.",
+    Status.DIVERGED: "The motion grew beyond any bound.",
+    Status.STEP_LIMIT: "The run was cut off at its largest number of steps. Shorten it, or raise "
+    "`max_steps`.",
+    Status.STEP_TOO_SMALL: "The step size fell to the rounding of time: a force law is too steep "
+    "or jumps without saying where.",
+}

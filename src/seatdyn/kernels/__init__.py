@@ -1,0 +1,1 @@
+"""Compiled code on plain arrays and numbers; it knows no object of the model."""

@@ -1,0 +1,1 @@
+"""What is described: bodies, suspension elements, seats, base motions, and their assembly."""

@@ -1,0 +1,241 @@
+"""The seated body as data: masses, passive links, and linear feedback forces between masses."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from seatdyn.errors import ModelError
+from seatdyn.units import number, quantity, suggestion, validated
+
+SEAT = "seat"
+
+
+@dataclass(frozen=True)
+class Link:
+    """Spring and damper between two nodes.
+
+    Parameters
+    ----------
+    between : the two nodes, e.g. ``("seat", "m1")``
+    stiffness : N/m, finite (a negative value models an active element and is allowed)
+    damping : N s/m, finite
+    """
+
+    between: tuple[str, str]
+    stiffness: float = quantity("N/m", default=0.0)
+    damping: float = quantity("N s/m", default=0.0)
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        object.__setattr__(self, "between", node_pair(self.between, "Link.between"))
+        validated(self)
+
+
+@dataclass(frozen=True)
+class FeedbackTerm:
+    """One gain of a feedback force: `gain` times a weighted sum of node motions.
+
+    Parameters
+    ----------
+    name : name of the gain, unique in its body (``"k11"``)
+    gain : N/m for `of` = "displacement", N s/m for `of` = "velocity"
+    of : "displacement" or "velocity" (absolute)
+    weights : node name -> weight; the base of the body is ``"seat"``
+    """
+
+    name: str
+    gain: float = quantity("N/m or N s/m")
+    of: Literal["displacement", "velocity"] = "displacement"
+    weights: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        validated(self)
+        if self.of not in ("displacement", "velocity"):
+            raise ModelError(
+                f"FeedbackTerm.of = {self.of!r} of term {self.name!r} is not allowed; "
+                "it must be 'displacement' or 'velocity'."
+            )
+        weights = {
+            node: number(value, f"FeedbackTerm.weights[{node!r}] of term {self.name!r}", "")
+            for node, value in dict(self.weights).items()
+        }
+        object.__setattr__(self, "weights", weights)
+
+
+@dataclass(frozen=True)
+class FeedbackForce:
+    """Active force F_A = -sum(gain * weighted motion), +F_A on `on`, -F_A on `reaction`."""
+
+    on: str
+    reaction: str
+    terms: tuple[FeedbackTerm, ...]
+
+    def __post_init__(self) -> None:
+        """Check the node pair and freeze the terms."""
+        node_pair((self.on, self.reaction), "FeedbackForce.on, reaction")
+        object.__setattr__(self, "terms", tuple(self.terms))
+
+
+@dataclass(frozen=True)
+class SeatedBody:
+    """Lumped-parameter model of the seated body, vertical motion, on the node ``"seat"``.
+
+    Parameters
+    ----------
+    name : identifier
+    masses : node name -> mass in kg, > 0; the node ``"seat"`` may be named too: a mass that moves
+        rigidly with the seat surface (>= 0)
+    links : springs and dampers between nodes, in any topology
+    feedback : active forces; their gains may act on absolute motions, so that the body need be
+        neither translation nor velocity invariant
+    title, source, posture : texts for people
+    """
+
+    name: str
+    masses: Mapping[str, float]
+    links: tuple[Link, ...]
+    feedback: tuple[FeedbackForce, ...] = ()
+    title: str = ""
+    source: str = ""
+    posture: str = ""
+
+    def __post_init__(self) -> None:
+        """Check masses, nodes and that every mass hangs on something."""
+        masses = {}
+        for node, value in dict(self.masses).items():
+            label = f"SeatedBody({self.name!r}).masses[{node!r}]"
+            if node == "base":
+                raise ModelError(f"{label}: the name 'base' is reserved for the base under the seat.")
+            if node == SEAT:
+                masses[node] = number(value, label, "kg", minimum=0.0)
+            else:
+                masses[node] = number(value, label, "kg", above=0.0)
+        if not [node for node in masses if node != SEAT]:
+            raise ModelError(f"SeatedBody({self.name!r}) has no mass; name at least one.")
+        object.__setattr__(self, "masses", masses)
+        object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "feedback", tuple(self.feedback))
+        known = {SEAT, *masses}
+        for link in self.links:
+            self._require(known, link.between, "links")
+        for force in self.feedback:
+            self._require(known, (force.on, force.reaction), "feedback")
+            for term in force.terms:
+                self._require(known, tuple(term.weights), f"feedback term {term.name!r}")
+        names = [term.name for force in self.feedback for term in force.terms]
+        if len(set(names)) < len(names):
+            raise ModelError(f"SeatedBody({self.name!r}).feedback uses a gain name twice: {names}.")
+        self._require_connected()
+
+    def _require(self, known: set[str], nodes: tuple[str, ...], where: str) -> None:
+        for node in nodes:
+            if node not in known:
+                raise ModelError(
+                    f"SeatedBody({self.name!r}).{where} names the unknown node {node!r}. "
+                    + suggestion(node, known)
+                )
+
+    def _require_connected(self) -> None:
+        reached = {SEAT}
+        pairs = [link.between for link in self.links]
+        pairs += [(force.on, force.reaction) for force in self.feedback]
+        for _ in pairs:
+            for a, b in pairs:
+                if a in reached or b in reached:
+                    reached |= {a, b}
+        loose = sorted(set(self.masses) - reached)
+        if loose:
+            raise ModelError(
+                f"SeatedBody({self.name!r}): no link leads from the seat to {loose}; add a Link."
+            )
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of the moving masses, the seat surface apart, in the order given."""
+        return tuple(node for node in self.masses if node != SEAT)
+
+    @property
+    def total_mass(self) -> float:
+        """Sum of all masses in kg, that on the seat surface included."""
+        return float(sum(self.masses.values()))
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the body has feedback forces."""
+        return bool(self.feedback)
+
+
+def node_pair(value: Any, label: str) -> tuple[str, str]:
+    """Return a checked pair of different node names."""
+    if isinstance(value, str) or len(value) != 2 or value[0] == value[1]:
+        raise ModelError(f"{label} = {value!r} is not allowed; it must name two different nodes.")
+    return (str(value[0]), str(value[1]))
+
+
+def list_bodies() -> list[str]:
+    """Names of the bodies of the catalogue."""
+    folder = resources.files("seatdyn.model") / "catalogue"
+    return sorted(file.name[:-5] for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
+def load_body(name: str | Path) -> SeatedBody:
+    """Read a body from the catalogue by name, or from a TOML file by path.
+
+    Parameters
+    ----------
+    name : a name of `list_bodies()`, or the path of a file that ends in ``.toml``
+
+    Raises
+    ------
+    ModelError
+        Unknown name (with a suggestion), unreadable file, or a field that is missing or wrong.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> round(sd.load_body("ksiazek1997_back_off").total_mass, 9)
+    70.8
+    """
+    text = str(name)
+    if text.endswith(".toml"):
+        path = Path(text)
+        if not path.is_file():
+            raise ModelError(f"Body file {text!r} does not exist.")
+        content = path.read_bytes()
+    else:
+        if text not in list_bodies():
+            raise ModelError(f"Unknown body {text!r}. {suggestion(text, list_bodies())}")
+        folder = resources.files("seatdyn.model") / "catalogue"
+        content = (folder / f"{text}.toml").read_bytes()
+    try:
+        return body_from_dict(tomllib.loads(content.decode("utf-8")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ModelError(f"Body file {text!r} is not valid TOML: {error}.") from None
+    except (KeyError, TypeError) as error:
+        raise ModelError(f"Body file {text!r}: field {error} is missing or misspelt.") from None
+
+
+def body_from_dict(data: Mapping[str, Any]) -> SeatedBody:
+    """Build a `SeatedBody` from the parsed content of a catalogue file."""
+    return SeatedBody(
+        name=data["name"],
+        masses=data["masses"],
+        links=tuple(Link(**{**link, "between": tuple(link["between"])}) for link in data["links"]),
+        feedback=tuple(
+            FeedbackForce(
+                on=force["on"],
+                reaction=force["reaction"],
+                terms=tuple(FeedbackTerm(**term) for term in force["terms"]),
+            )
+            for force in data.get("feedback", [])
+        ),
+        title=data.get("title", ""),
+        source=data.get("source", ""),
+        posture=data.get("posture", ""),
+    )

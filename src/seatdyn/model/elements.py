@@ -1,0 +1,333 @@
+"""Suspension elements: small frozen classes, each one force law.
+
+An element acts between two nodes. With d the displacement of the second node minus that of the
+first (suspension travel, positive in rebound) and v its rate, it pulls its ends together with
+F(d, v), positive in tension. Elements with a linear law enter the stiffness and damping matrices;
+the others become rows of a table that the compiled kernels read (`lower`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+from seatdyn.errors import ModelError
+from seatdyn.kernels import codes
+from seatdyn.model.body import node_pair
+from seatdyn.units import number, quantity, validated
+
+
+@dataclass(frozen=True)
+class Break:
+    """Where a law jumps or has a kink: on the line displacement*d + velocity*v = value."""
+
+    displacement: float
+    velocity: float
+    value: float
+    jumps: bool
+
+
+@dataclass(frozen=True)
+class Law:
+    """A force law as the kernels see it: its number, parameters and breaks.
+
+    `address` is the address of a compiled function for user laws; `limits` is the range of a
+    measured table (on d or v) outside which the law extrapolates.
+    """
+
+    code: int
+    parameters: tuple[float, ...]
+    breaks: tuple[Break, ...] = ()
+    address: int = 0
+    limits: tuple[str, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Element(ABC):
+    """Base of all elements."""
+
+    between: tuple[str, str] = field(default=("base", "seat"), kw_only=True)
+    label: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check nodes and every quantity."""
+        pair = node_pair(self.between, f"{type(self).__name__}.between")
+        object.__setattr__(self, "between", pair)
+        validated(self)
+
+    @property
+    def name(self) -> str:
+        """The label given by the user, or the name of the class."""
+        return self.label or type(self).__name__
+
+
+@dataclass(frozen=True)
+class LinearElement(Element):
+    """An element that is a constant stiffness and a constant damping."""
+
+    @property
+    def linear(self) -> tuple[float, float]:
+        """Stiffness in N/m and damping in N s/m."""
+        return (getattr(self, "stiffness", 0.0), getattr(self, "coefficient", 0.0))
+
+
+@dataclass(frozen=True)
+class NonlinearElement(Element):
+    """An element with a force law of its own."""
+
+    @abstractmethod
+    def lower(self) -> Law:
+        """The law for the kernels."""
+
+    @abstractmethod
+    def tangent(self) -> tuple[float, float]:
+        """Derivatives dF/dd in N/m and dF/dv in N s/m at d = 0, v = 0."""
+
+
+@dataclass(frozen=True)
+class Spring(LinearElement):
+    """Linear spring F = k d.
+
+    Parameters
+    ----------
+    stiffness : k in N/m, >= 0
+    """
+
+    stiffness: float = quantity("N/m", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class Damper(LinearElement):
+    """Linear viscous damper F = c v.
+
+    Parameters
+    ----------
+    coefficient : c in N s/m, >= 0
+    """
+
+    coefficient: float = quantity("N s/m", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class QuadraticDamper(NonlinearElement):
+    """Quadratic damping F = beta |v| v (formula (4) of the paper).
+
+    Parameters
+    ----------
+    coefficient : beta in N s2/m2, >= 0
+    """
+
+    coefficient: float = quantity("N s2/m2", minimum=0.0)
+
+    def lower(self) -> Law:
+        """The law; its second derivative jumps at v = 0."""
+        return Law(codes.QUADRATIC, (self.coefficient,), (Break(0.0, 1.0, 0.0, jumps=False),))
+
+    def tangent(self) -> tuple[float, float]:
+        """Zero at rest."""
+        return (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class CoulombFriction(NonlinearElement):
+    """Smoothed Coulomb friction F = (2/pi) F_c atan(slope v) (formula (5) of the paper).
+
+    Parameters
+    ----------
+    force : F_c in N, >= 0
+    slope : in s/m, > 0; the paper uses 1000. Below about 1/slope the element creeps.
+    """
+
+    force: float = quantity("N", minimum=0.0)
+    slope: float = quantity("s/m", default=1000.0, above=0.0)
+
+    def lower(self) -> Law:
+        """The law, smooth."""
+        return Law(codes.COULOMB, (self.force, self.slope))
+
+    def tangent(self) -> tuple[float, float]:
+        """Damping (2/pi) F_c slope of the smoothed law at rest."""
+        return (0.0, 0.6366197723675814 * self.force * self.slope)
+
+
+@dataclass(frozen=True)
+class PiecewiseSpring(NonlinearElement):
+    """Piecewise restoring force with a free zone (formula (3) of the paper).
+
+    Zero while -bump_clearance < d < rebound_clearance. Outside, with `jumping` (the paper's form)
+    F = gamma d, which jumps by gamma times the clearance at the threshold; else F = gamma (d - b),
+    continuous.
+
+    Parameters
+    ----------
+    stiffness : gamma in N/m, >= 0
+    bump_clearance : free travel in compression, m, >= 0 (paper: 0.02)
+    rebound_clearance : free travel in extension, m, >= 0 (paper: 0.01)
+    jumping : the paper's jumping form, or the continuous one
+    """
+
+    stiffness: float = quantity("N/m", minimum=0.0)
+    bump_clearance: float = quantity("m", minimum=0.0)
+    rebound_clearance: float = quantity("m", minimum=0.0)
+    jumping: bool = field(default=True, kw_only=True)
+
+    def lower(self) -> Law:
+        """The law with a break at either end of the free zone."""
+        code = codes.JUMP if self.jumping else codes.GAP
+        edges = (-self.bump_clearance, self.rebound_clearance)
+        breaks = tuple(
+            Break(1.0, 0.0, edge, jumps=self.jumping and edge != 0.0) for edge in sorted(set(edges))
+        )
+        return Law(code, (self.stiffness, *edges), breaks if self.stiffness else ())
+
+    def tangent(self) -> tuple[float, float]:
+        """Zero inside the free zone; its stiffness (mean of both sides) where there is none."""
+        closed = (self.bump_clearance == 0.0) + (self.rebound_clearance == 0.0)
+        return (self.stiffness * closed / 2, 0.0)
+
+
+@dataclass(frozen=True)
+class EndStop(NonlinearElement):
+    """End-stop buffers with stiffness and damping in contact; they push and never pull.
+
+    With the compression delta > 0 of the buffer touched, the push is max(0, k delta + c delta').
+
+    Parameters
+    ----------
+    stiffness : k in N/m, >= 0
+    bump_clearance : free travel in compression, m, >= 0
+    rebound_clearance : free travel in extension, m, >= 0
+    damping : c in N s/m, >= 0
+    """
+
+    stiffness: float = quantity("N/m", minimum=0.0)
+    bump_clearance: float = quantity("m", minimum=0.0)
+    rebound_clearance: float = quantity("m", minimum=0.0)
+    damping: float = quantity("N s/m", default=0.0, minimum=0.0)
+
+    def lower(self) -> Law:
+        """The law: damping makes it jump at contact; it has a kink where the push ends."""
+        k, c, b, r = self.stiffness, self.damping, self.bump_clearance, self.rebound_clearance
+        breaks = [Break(1.0, 0.0, edge, jumps=c > 0.0) for edge in sorted({-b, r})]
+        if c > 0.0:
+            breaks += [Break(k, c, edge, jumps=False) for edge in sorted({-k * b, k * r})]
+        return Law(codes.END_STOP, (k, -b, r, c), tuple(breaks))
+
+    def tangent(self) -> tuple[float, float]:
+        """Zero inside the free travel; mean of both sides where there is none."""
+        closed = (self.bump_clearance == 0.0) + (self.rebound_clearance == 0.0)
+        return (self.stiffness * closed / 2, self.damping * closed / 2)
+
+
+@dataclass(frozen=True)
+class TangentPolynomialSpring(NonlinearElement):
+    """Tangent plus fifth-degree polynomial stiffness, as cited in the paper's introduction.
+
+    F = k_t (2 L/pi) tan(pi d/(2 L)) + a1 d + a2 d^2 + ... + a5 d^5. The tangent stands for stops at
+    d = +-L; beyond 0.999 L it goes on along its slope, so that the law stays finite.
+
+    Parameters
+    ----------
+    tangent_stiffness : k_t in N/m, >= 0
+    travel : L in m, > 0
+    polynomial : a1 ... a5 in N/m, N/m2, ... (up to five numbers)
+    """
+
+    tangent_stiffness: float = quantity("N/m", minimum=0.0)
+    travel: float = quantity("m", above=0.0)
+    polynomial: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and pad the polynomial."""
+        super().__post_init__()
+        padded = coefficients(self.polynomial, 5, "TangentPolynomialSpring.polynomial")
+        object.__setattr__(self, "polynomial", padded)
+
+    def lower(self) -> Law:
+        """The law, smooth inside the travel."""
+        parameters = (self.tangent_stiffness, self.travel, *self.polynomial)
+        return Law(codes.TANGENT_POLYNOMIAL, parameters)
+
+    def tangent(self) -> tuple[float, float]:
+        """Sum k_t + a1."""
+        return (self.tangent_stiffness + self.polynomial[0], 0.0)
+
+
+@dataclass(frozen=True)
+class PolynomialDamper(NonlinearElement):
+    """Damping coefficient as fourth-degree polynomial of the displacement: F = c(d) v.
+
+    Parameters
+    ----------
+    polynomial : c0 ... c4 in N s/m, N s/m2, ... (up to five numbers)
+    """
+
+    polynomial: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and pad the polynomial."""
+        super().__post_init__()
+        padded = coefficients(self.polynomial, 5, "PolynomialDamper.polynomial")
+        object.__setattr__(self, "polynomial", padded)
+
+    def lower(self) -> Law:
+        """The law, smooth."""
+        return Law(codes.POLYNOMIAL_DAMPER, self.polynomial)
+
+    def tangent(self) -> tuple[float, float]:
+        """The coefficient c0."""
+        return (0.0, self.polynomial[0])
+
+
+@dataclass(frozen=True)
+class AsymmetricDamper(NonlinearElement):
+    """Damper with different branches in bump (v < 0) and rebound (v > 0).
+
+    Parameters
+    ----------
+    bump : coefficient in compression, N s/m, >= 0
+    rebound : coefficient in extension, N s/m, >= 0
+    """
+
+    bump: float = quantity("N s/m", minimum=0.0)
+    rebound: float = quantity("N s/m", minimum=0.0)
+
+    def lower(self) -> Law:
+        """The law with its kink at v = 0."""
+        kink = (Break(0.0, 1.0, 0.0, jumps=False),)
+        return Law(codes.ASYMMETRIC_DAMPER, (self.bump, self.rebound), kink)
+
+    def tangent(self) -> tuple[float, float]:
+        """Mean of both branches (the law has a kink at rest)."""
+        return (0.0, (self.bump + self.rebound) / 2)
+
+
+@dataclass(frozen=True)
+class Preload(NonlinearElement):
+    """Constant force, such as the gas preload of a damper; positive pulls the ends together.
+
+    Displacements are measured from the equilibrium of the weight on the springs without it, so it
+    shifts the mean position of a seat on a spring k by -force/k.
+
+    Parameters
+    ----------
+    force : N
+    """
+
+    force: float = quantity("N")
+
+    def lower(self) -> Law:
+        """The law, constant."""
+        return Law(codes.CONSTANT, (self.force,))
+
+    def tangent(self) -> tuple[float, float]:
+        """Zero."""
+        return (0.0, 0.0)
+
+
+def coefficients(values: tuple[float, ...], count: int, label: str) -> tuple[float, ...]:
+    """Return 1 to `count` finite coefficients, padded with zeros to `count`."""
+    given = tuple(number(value, f"{label}[{i}]", "") for i, value in enumerate(values))
+    if not 1 <= len(given) <= count:
+        raise ModelError(f"{label} has {len(given)} coefficients; it must have 1 to {count}.")
+    return given + (0.0,) * (count - len(given))

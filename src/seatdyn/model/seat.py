@@ -1,0 +1,37 @@
+"""The seat: a frame mass on suspension elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from seatdyn.errors import ModelError
+from seatdyn.model.elements import Element
+from seatdyn.units import quantity, validated
+
+
+@dataclass(frozen=True)
+class Seat:
+    """Seat frame and its suspension.
+
+    Parameters
+    ----------
+    mass : mass that moves with the seat frame, kg, > 0
+    suspension : elements; each acts between base and seat unless its `between` says otherwise,
+        and elements across the same two nodes add up
+    """
+
+    mass: float = quantity("kg", above=0.0)
+    suspension: tuple[Element, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the mass and that the suspension is a list of elements."""
+        validated(self)
+        if isinstance(self.suspension, Element):
+            raise ModelError("Seat.suspension must be a list of elements, not one element.")
+        object.__setattr__(self, "suspension", tuple(self.suspension))
+        for element in self.suspension:
+            if not isinstance(element, Element):
+                raise ModelError(
+                    f"Seat.suspension holds {element!r}, which is no element; "
+                    "use Spring, Damper, QuadraticDamper, ..."
+                )

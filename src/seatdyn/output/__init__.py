@@ -1,0 +1,1 @@
+"""What is shown: figures, tables and the report, drawn from Datasets and tables only."""
