@@ -27,12 +27,11 @@ _WHERE = {
     "seatdyn.model.excitation": "Sine SineSum Still",
     "seatdyn.model.pulses": "Step HalfSineShock Sweep",
     "seatdyn.model.record": "Record read_record",
-    "seatdyn.analysis.linear": (
-        "poles zeros modes frequency_response active_bands state_space"
-    ),
-    "seatdyn.analysis.stability": (
-        "is_stable stability_map stability_boundary critical_values"
-    ),
+    "seatdyn.analysis.linear": "poles modes state_space",
+    "seatdyn.analysis.zeros": "zeros",
+    "seatdyn.analysis.response": "frequency_response active_bands",
+    "seatdyn.analysis.stability": "is_stable stability_map",
+    "seatdyn.analysis.boundary": "stability_boundary critical_values",
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.steady": "steady_state",
     "seatdyn.output.figures": "plot",

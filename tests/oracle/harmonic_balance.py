@@ -16,12 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from equations import BASE_ACCELERATION, DAMPING, SEAT_MASS, STIFFNESS, Array, Case
 from numpy.typing import NDArray
+from peaks import Segment, amplitudes
 from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse.linalg import LinearOperator, gmres
-
-from equations import BASE_ACCELERATION, DAMPING, SEAT_MASS, STIFFNESS, Array, Case
-from peaks import Segment, amplitudes
 
 Complex = NDArray[np.complex128]
 OVERSAMPLING = 4
@@ -48,7 +47,7 @@ class HarmonicBalance:
         dynamic = (s**2)[:, None, None] * mass + s[:, None, None] * damping + stiffness
         unit = np.zeros((self.harmonics + 1, 3, 1))
         unit[:, 0] = 1.0
-        self.receptance: Complex = np.linalg.solve(dynamic, unit)[:, :, 0]  # (K + 1, 3)
+        self.receptance = np.linalg.solve(dynamic.astype(complex), unit)[:, :, 0]  # (K + 1, 3)
         # x0 = -(a/w^2) sin w t = Re[i (a/w^2) exp(i w t)]
         self.base = np.zeros(self.harmonics + 1, dtype=complex)
         self.base[1] = 1j * BASE_ACCELERATION / w**2
@@ -63,17 +62,17 @@ class HarmonicBalance:
         half = np.zeros(self.count // 2 + 1, dtype=complex)
         half[: self.harmonics + 1] = 0.5 * self.count * coefficients
         half[0] *= 2
-        return np.fft.irfft(half, self.count)
+        return np.asarray(np.fft.irfft(half, self.count))
 
     def to_harmonics(self, samples: Array) -> Complex:
         """Inverse of :meth:`to_time`, truncated."""
         out = np.fft.rfft(samples)[: self.harmonics + 1] * (2 / self.count)
         out[0] *= 0.5
-        return out
+        return np.asarray(out)
 
     def _residual(self, v: Complex) -> Complex:
         force = self.case.law.force_of_velocity(self.to_time(v))
-        return v - self.linear_v + self.gain * self.to_harmonics(force)
+        return np.asarray(v - self.linear_v + self.gain * self.to_harmonics(force))
 
     def _preconditioner(self, slope: Array) -> LinearOperator:
         """Exact inverse of I + G N' on harmonics 0..LOW, identity above."""
@@ -85,9 +84,9 @@ class HarmonicBalance:
         half = np.where(i == 0, 0.5, 1.0)[:, None]
         a = self.gain[: n + 1, None] * minus * half
         b = self.gain[: n + 1, None] * plus * half
-        block = np.block(
-            [[(a + b).real, (b - a).imag], [(a + b).imag, (a - b).real]]
-        ) + np.eye(2 * n + 2)
+        block = np.block([[(a + b).real, (b - a).imag], [(a + b).imag, (a - b).real]]) + np.eye(
+            2 * n + 2
+        )
         factor = lu_factor(block)
         size = self.harmonics + 1
         low = np.concatenate([i, i + size])
@@ -123,9 +122,9 @@ class HarmonicBalance:
 
     def solve(self, guess: Complex | None = None) -> Complex:
         """Harmonics of v, converged to rounding."""
-        v = self.linear_v.copy()
+        v: Complex = np.array(self.linear_v)
         if guess is not None:
-            v = np.zeros_like(self.linear_v)
+            v = np.zeros_like(v)
             n = min(len(guess), len(v))
             v[:n] = guess[:n]
         residual = self._residual(v)
@@ -162,15 +161,11 @@ class HarmonicBalance:
             base = case.base_array(times)
             return case.outputs(states, base, law.force_of_velocity(states[:, 3] - base[:, 1]))
 
-        def evaluate(t: float) -> Array:
-            # exp(i k w t) by two short tables instead of one long one
-            return outputs((self._phases(t) @ series).real[None, :], np.array([t]))[0]
+        def evaluate(times: Array) -> Array:
+            phases = np.exp(1j * case.omega * np.outer(times, self.k))
+            return outputs((phases @ series).real, times)
 
-        return Segment(times, outputs(states, times), evaluate)
-
-    def _phases(self, t: float) -> Complex:
-        """exp(i k w t) for all k."""
-        return np.exp(1j * (self.case.omega * t) * self.k)
+        return Segment(times, evaluate, outputs(states, times))
 
 
 def solve(case: Case, harmonics: int, guess: Complex | None = None) -> tuple[Array, Complex, Array]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-
 from equations import Array
+from scipy.optimize import minimize_scalar
 
 CANDIDATE_BAND = 1e-3  # of the range: grid maxima this close to the top are all refined
 MAX_CANDIDATES = 6
@@ -19,8 +18,12 @@ class Segment:
     """A smooth stretch of the orbit: the outputs on a grid, and exactly at any time between."""
 
     times: Array  # (n,), both ends included
-    values: Array  # (n, outputs)
-    evaluate: Callable[[float], Array]  # t -> (outputs,)
+    evaluate: Callable[[Array], Array]  # times (m,) -> (m, outputs)
+    values: Array = field(default_factory=lambda: np.empty(0))  # on the grid; evaluated if absent
+
+    def __post_init__(self) -> None:
+        if not self.values.size:
+            object.__setattr__(self, "values", self.evaluate(self.times))
 
 
 def _refine(segment: Segment, column: int, index: int, sign: float) -> float:
@@ -29,7 +32,7 @@ def _refine(segment: Segment, column: int, index: int, sign: float) -> float:
     low = t[max(index - 1, 0)] - t[index]
     high = t[min(index + 1, len(t) - 1)] - t[index]
     found = minimize_scalar(
-        lambda s: -sign * float(segment.evaluate(t[index] + s)[column]),
+        lambda s: -sign * float(segment.evaluate(np.array([t[index] + s]))[0, column]),
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-7 * (high - low)},

@@ -12,10 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-
 from equations import BASE_ACCELERATION, DAMPING, SEAT_MASS, STIFFNESS, Array, Case
 from peaks import Segment, amplitudes
+from scipy.optimize import brentq
 
 SAMPLES = 400  # per period, to bracket crossings and peaks
 
@@ -82,6 +81,17 @@ class PiecewiseLinear:
     def _zone_at(self, d: float) -> Zone:
         return self.outer if self.case.law.stiffness_at(d) else self.inner
 
+    def _root(self, zone: Zone, z: Array, edge: float, low: float, high: float) -> float:
+        """Time at which d = edge, between two samples on either side of it."""
+
+        def gap(s: float) -> float:
+            return float(zone.propagate(z, np.array([s]))[0] @ self.d_row - edge)
+
+        at_low, at_high = gap(low), gap(high)
+        if at_low * at_high > 0:  # a sample on the edge to rounding
+            return low if abs(at_low) < abs(at_high) else high
+        return float(brentq(gap, low, high, xtol=1e-16, rtol=1e-15))
+
     def _first_crossing(self, zone: Zone, z: Array, d0: float, span: float) -> float | None:
         """Time to the first crossing of an edge within span, or None.  d0 fixes the region."""
         edges = (self.case.law.lower, self.case.law.upper)
@@ -96,17 +106,7 @@ class PiecewiseLinear:
             if len(changes):
                 i = int(changes[0])
                 low = times[i] + (1e-9 * step if i == 0 else 0.0)
-                hits.append(
-                    brentq(
-                        lambda s, e=edge: float(
-                            zone.propagate(z, np.array([s]))[0] @ self.d_row - e
-                        ),
-                        low,
-                        times[i + 1],
-                        xtol=1e-16,
-                        rtol=1e-15,
-                    )
-                )
+                hits.append(self._root(zone, z, edge, low, float(times[i + 1])))
         return min(hits) if hits else None
 
     def period_map(self, y: Array) -> tuple[Array, Array, list[Piece]]:
@@ -168,23 +168,19 @@ class PiecewiseLinear:
 
             count = max(8, int(SAMPLES * (piece.end - piece.start) / self.case.period))
             times = np.linspace(piece.start, piece.end, count)
-            result.append(
-                Segment(times, values(times), lambda t, f=values: f(np.array([t]))[0])
-            )
+            result.append(Segment(times, values))
         return result
 
 
 def solve(case: Case, guess: Array | None = None) -> tuple[Array, Array, float]:
     """Amplitudes (14), state at t = 0 (for the next guess), largest Floquet multiplier."""
     system = PiecewiseLinear(case)
-    y, monodromy, pieces = system.periodic_orbit(
-        system.linear_state() if guess is None else guess
-    )
+    y, monodromy, pieces = system.periodic_orbit(system.linear_state() if guess is None else guess)
     multiplier = float(np.max(np.abs(np.linalg.eigvals(monodromy))))
     return amplitudes(system.segments(pieces)), y, multiplier
 
 
-def settle(case: Case, start: Array, periods: int = 400) -> Array:
+def settle(case: Case, start: Array, periods: int = 60) -> Array:
     """Amplitudes of the motion reached from a given state by running the map many periods."""
     system = PiecewiseLinear(case)
     y = start

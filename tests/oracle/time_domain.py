@@ -14,12 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
-
 from equations import COULOMB_SLOPE, DAMPING, SEAT_MASS, STIFFNESS, Array, Case
 from peaks import Segment, amplitudes
+from scipy.integrate import solve_ivp
 
 RTOL = 1e-13
 ATOL = 1e-16
@@ -80,7 +80,7 @@ class TimeDomain:
 
     def _integrate(
         self, y: Array, start: float, end: float, stiffness: float, edges: tuple[float, ...] = ()
-    ):  # noqa: ANN202 - scipy's untyped result
+    ) -> Any:
         return solve_ivp(
             self._rhs(stiffness),
             (start, end),
@@ -117,9 +117,7 @@ class TimeDomain:
             # step off the edge just crossed before watching for events
             lead = min(1e-5 * case.period, 0.5 * (case.period - time))
             first = self._integrate(y, time, time + lead, stiffness)
-            result = self._integrate(
-                first.y[:, -1], time + lead, case.period, stiffness, edges
-            )
+            result = self._integrate(first.y[:, -1], time + lead, case.period, stiffness, edges)
             if result.status == 0:
                 runs.append(self._joined(first, result, time, case.period, stiffness))
                 return result.y[:, -1], runs
@@ -140,11 +138,11 @@ class TimeDomain:
             time, y = float(result.t[-1]), state
 
     @staticmethod
-    def _joined(first, rest, start: float, end: float, stiffness: float) -> Run:  # noqa: ANN001
+    def _joined(first: Any, rest: Any, start: float, end: float, stiffness: float) -> Run:
         border = float(first.t[-1])
 
         def dense(t: Array) -> Array:
-            return np.where(t < border, first.sol(t), rest.sol(t))
+            return np.asarray(np.where(t < border, first.sol(t), rest.sol(t)))
 
         return Run(start, end, stiffness, np.concatenate([first.t[:-1], rest.t]), dense)
 
@@ -193,9 +191,7 @@ class TimeDomain:
             steps = run.step_times
             inner = (steps[:-1, None] + np.diff(steps)[:, None] * fractions).ravel()
             times = np.append(inner, steps[-1])
-            result.append(
-                Segment(times, values(times), lambda t, f=values: f(np.array([t]))[0])
-            )
+            result.append(Segment(times, values))
         return result
 
 
@@ -207,10 +203,10 @@ def solve(case: Case, guess: Array) -> tuple[Array, Array, float]:
     return amplitudes(system.segments(runs)), y, multiplier
 
 
-def settle(case: Case, start: Array, periods: int = 60) -> Array:
+def settle(case: Case, start: Array, periods: int = 45) -> Array:
     """Amplitudes of the motion reached from a given state after many periods."""
     system = TimeDomain(case)
-    y, runs = start, []
-    for _ in range(periods):
+    y, runs = system.run_period(start)
+    for _ in range(periods - 1):
         y, runs = system.run_period(y)
     return amplitudes(system.segments(runs))

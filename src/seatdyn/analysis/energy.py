@@ -1,0 +1,117 @@
+"""The energy balance of a run: a check that no force law, event or active force is wrong.
+
+    dE/dt = -F_s x0' - dissipation + power of the feedback forces
+
+E is the kinetic energy plus the elastic energy of links, springs and elements. An element's force
+is split into its value at zero velocity, which is elastic (its energy is the integral of the law
+over the displacement, whatever the run did), and the rest, which dissipates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.run import Run, Samples
+from seatdyn.kernels import dense
+
+Array = NDArray[np.float64]
+GAUSS = np.polynomial.legendre.leggauss(5)
+GAUSS_POTENTIAL = np.polynomial.legendre.leggauss(20)
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Works in J over the run; `residual` is what does not add up, relative to the throughput."""
+
+    change: float
+    base_work: float
+    dissipated: float
+    feedback_work: float
+    throughput: float
+
+    @property
+    def residual(self) -> float:
+        """|change - base work + dissipation - feedback work| / throughput."""
+        defect = self.change - self.base_work + self.dissipated - self.feedback_work
+        return abs(defect) / max(self.throughput, 1e-300)
+
+
+def energy_balance(run: Run) -> EnergyBalance:
+    """Energy balance of a run, each power integrated by Gauss quadrature over its steps."""
+    shares, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
+    samples = run.in_steps(shares)
+    sizes = np.diff(run.record[:, 0])
+    measure = (sizes[:, None] * weights).ravel()
+    base, dissipation, feedback = powers(run, samples)
+    rates = np.abs(base) + np.abs(dissipation) + np.abs(feedback)
+    ends = run.sample(np.array([0, run.steps - 1]), np.array([0.0, 1.0]))
+    energies = stored_energy(run, ends)
+    return EnergyBalance(
+        change=float(energies[1] - energies[0]),
+        base_work=float(measure @ base),
+        dissipated=float(measure @ dissipation),
+        feedback_work=float(measure @ feedback),
+        throughput=float(measure @ rates),
+    )
+
+
+def _extended(samples: Samples) -> tuple[Array, Array]:
+    """Displacements and velocities with the base as last node, (p, N+1)."""
+    z = np.column_stack([samples.displacement, samples.base[0]])
+    v = np.column_stack([samples.velocity, samples.base[1]])
+    return z, v
+
+
+def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
+    """Power put in by the base, dissipated, and put in by the feedback forces, each (p,), W."""
+    system, linear = run.problem.system, run.problem.system.linear
+    z, v = _extended(samples)
+    dissipation = np.einsum("pi,ij,pj->p", v, linear.passive_damping, v)
+    active = z @ linear.active_stiffness.T + v @ linear.active_damping.T
+    feedback = -np.einsum("pi,pi->p", v, active)
+    # force that the base exerts: the base row of all passive and active forces
+    on_base = z @ linear.passive_stiffness[-1] + v @ linear.passive_damping[-1] + active[:, -1]
+    plant = run.problem.plant
+    for j in range(len(system.channels)):
+        elements = slice(plant.element_start[j], plant.element_start[j + 1])
+        force, elastic = samples.force[:, elements], samples.elastic[:, elements]
+        speed = v[:, plant.second[j]] - v[:, plant.first[j]]
+        dissipation = dissipation + (force - elastic).sum(1) * speed
+        if plant.first[j] < 0:
+            on_base = on_base - force.sum(1)
+        if plant.second[j] < 0:
+            on_base = on_base + force.sum(1)
+    return on_base * samples.base[1], dissipation, feedback
+
+
+def stored_energy(run: Run, samples: Samples) -> Array:
+    """Kinetic and elastic energy in J, (p,)."""
+    linear, plant = run.problem.system.linear, run.problem.plant
+    z, v = _extended(samples)
+    moving = v[:, :-1]
+    energy = 0.5 * np.einsum("pi,ij,pj->p", moving, linear.mass, moving)
+    energy = energy + 0.5 * np.einsum("pi,ij,pj->p", z, linear.passive_stiffness, z)
+    for j in range(plant.first.size):
+        d = z[:, plant.second[j]] - z[:, plant.first[j]]
+        energy = energy + np.array([_potential(run, j, float(x)) for x in d])
+    return np.asarray(energy)
+
+
+def _potential(run: Run, j: int, d: float) -> float:
+    """Integral of the elastic force of channel j from 0 to d, split at its breaks and knots."""
+    plant = run.problem.plant
+    rows = slice(plant.break_start[j], plant.break_start[j + 1])
+    on_d = plant.break_velocity[rows] == 0.0
+    edges = plant.break_value[rows][on_d]
+    low, high = min(0.0, d), max(0.0, d)
+    inside = edges[(edges > low) & (edges < high)]
+    places = np.unique(np.concatenate([[low], inside, np.linspace(low, high, 9), [high]]))
+    total = 0.0
+    for a, b in zip(places[:-1], places[1:], strict=True):
+        x = 0.5 * (a + b) + 0.5 * (b - a) * GAUSS_POTENTIAL[0]
+        force = dense.element_forces(plant, j, x, np.zeros_like(x)).sum(1)
+        total += 0.5 * (b - a) * float(GAUSS_POTENTIAL[1] @ force)
+    return total if d >= 0.0 else -total

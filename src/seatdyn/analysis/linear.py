@@ -1,0 +1,299 @@
+"""Poles, mode shapes and state space of the linear part, and what every linear analysis shares.
+
+    M z'' + C z' + K z = p u + q u'
+
+with z the absolute displacements of the free nodes and u that of the driven node: the base under a
+seat, the seat under a body alone. The matrices are not symmetric where the body is active, so
+nothing here may lean on symmetry.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.errors import ModelError, RequestError
+from seatdyn.model.body import SeatedBody
+from seatdyn.model.system import LinearModel, SeatSystem, linear_model
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.floating[Any]]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+Linearise = Literal["tangent"] | None
+Linearisable = SeatSystem | SeatedBody | LinearModel
+Variable = tuple[tuple[str, ...], Any, str, str]  # dimensions, values, unit, text
+
+# Real parts below this fraction of the largest pole are rounding, so that an undamped system is
+# never called stable by accident.
+ON_AXIS = 1e-13
+
+
+class StateSpace(NamedTuple):
+    """x' = A x + B [u, u'], y = C x + D [u, u'] with names; see `state_space`."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def as_linear_model(system: Linearisable, linearise: Linearise = None) -> LinearModel:
+    """Return the matrices of a system or body; matrices given as such are passed on.
+
+    Raises
+    ------
+    RequestError
+        `system` is something else, or `linearise` is asked of matrices.
+    ModelError
+        A free node has no mass: the order of the system would depend on it.
+    """
+    if isinstance(system, LinearModel):
+        if linearise is not None:
+            raise RequestError(
+                f"linearise = {linearise!r} cannot be applied to matrices; give the SeatSystem."
+            )
+        model = system
+    elif isinstance(system, SeatSystem | SeatedBody):
+        model = linear_model(system, linearise)
+    else:
+        raise RequestError(
+            f"system = {system!r} is not allowed; it must be a SeatSystem, a SeatedBody or a "
+            "LinearModel. Build one with SeatSystem(load_body(...), Seat(...))."
+        )
+    empty = [node for node, m in zip(model.nodes, np.diag(model.mass), strict=True) if not m > 0.0]
+    if empty:
+        raise ModelError(
+            f"The free nodes {empty} have no mass; give each a mass > 0 kg, or merge it with its "
+            "neighbour."
+        )
+    return model
+
+
+def companion(mass: Array, damping: Array, stiffness: Array) -> Array:
+    """A of x' = A x with x = [z, z'], (..., 2N, 2N), from (stacks of) M, C, K, (..., N, N)."""
+    n = mass.shape[-1]
+    shape = np.broadcast_shapes(mass.shape[:-2], damping.shape[:-2], stiffness.shape[:-2])
+    a = np.zeros((*shape, 2 * n, 2 * n))
+    a[..., :n, n:] = np.eye(n)
+    a[..., n:, :n] = -np.linalg.solve(mass, stiffness)
+    a[..., n:, n:] = -np.linalg.solve(mass, damping)
+    return a
+
+
+def on_left(real: Array, radius: Array | float) -> NDArray[np.bool_]:
+    """Whether real parts are negative beyond rounding; `radius` is the largest modulus."""
+    return np.asarray(real < -ON_AXIS * np.asarray(radius))
+
+
+def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
+    """Poles: one row for each conjugate pair and each real pole, sorted by undamped frequency.
+
+    Parameters
+    ----------
+    system : SeatSystem (base driven), SeatedBody (alone, its seat driven) or LinearModel
+    linearise : None leaves non-linear elements out (named in the attribute `ignored`); "tangent"
+        takes their tangent at rest
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `mode`: `real`, `imag` (>= 0) in 1/s; `f0` = |s|/2 pi (undamped) and `fd` = imag/2 pi
+        (damped) in Hz; `damping_ratio` = -real/|s|; `stable`. Over `root`: `pole`, complex, all
+        2N of them. Attribute `stable`, 1 if every pole has a negative real part; one that is zero
+        to rounding counts as unstable.
+
+    Raises
+    ------
+    RequestError, ModelError
+        See `as_linear_model`.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> sd.poles(sd.load_body("ksiazek1997_back_off")).fd.values.round(2).tolist()
+    [4.74, 8.25]
+    """
+    model = as_linear_model(system, linearise)
+    upper, _, every = _sorted_modes(model)
+    stable = on_left(upper.real, np.max(np.abs(every)))
+    with np.errstate(invalid="ignore"):  # a pole at zero has no damping ratio
+        ratio = -upper.real / np.abs(upper)
+    mode = ("mode",)
+    return labelled(
+        {
+            "real": (mode, upper.real, "1/s", "real part of the pole"),
+            "imag": (mode, upper.imag, "1/s", "imaginary part of the pole"),
+            "f0": (mode, np.abs(upper) / (2 * np.pi), "Hz", "undamped natural frequency"),
+            "fd": (mode, upper.imag / (2 * np.pi), "Hz", "damped natural frequency"),
+            "damping_ratio": (mode, ratio, "1", "damping ratio"),
+            "stable": (mode, stable, "1", "negative real part"),
+            "pole": (("root",), every, "1/s", "all poles"),
+        },
+        {"mode": np.arange(1, upper.size + 1)},
+        model,
+        {"function": "poles", "linearise": linearise},
+        stable=int(np.all(stable)),
+    )
+
+
+def modes(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
+    """Complex mode shapes in absolute displacements, largest component 1, in the order of `poles`.
+
+    Parameters
+    ----------
+    system, linearise : as in `poles`
+
+    Returns
+    -------
+    xarray.Dataset
+        `shape` over (`mode`, `node`), complex, dimensionless; `pole` (imag >= 0) in 1/s and `f0`
+        in Hz over `mode`.
+
+    Raises
+    ------
+    RequestError, ModelError
+        See `as_linear_model`.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> sd.modes(sd.load_body("ksiazek1997_back_off")).sizes["node"]
+    2
+    """
+    model = as_linear_model(system, linearise)
+    upper, shapes, _ = _sorted_modes(model)
+    return labelled(
+        {
+            "shape": (("mode", "node"), shapes, "1", "mode shape"),
+            "pole": (("mode",), upper, "1/s", "pole"),
+            "f0": (("mode",), np.abs(upper) / (2 * np.pi), "Hz", "undamped natural frequency"),
+        },
+        {"mode": np.arange(1, upper.size + 1), "node": list(model.nodes)},
+        model,
+        {"function": "modes", "linearise": linearise},
+    )
+
+
+def state_space(system: Linearisable, *, linearise: Linearise = None) -> StateSpace:
+    """State space as plain arrays, for other tools: ``control.ss(*sd.state_space(system)[:4])``.
+
+    Inputs are displacement u and velocity u' of the driven node; a caller must keep them
+    consistent with each other. States are displacements z in m and velocities z' in m/s of the
+    free nodes; outputs are their displacements, velocities and accelerations.
+
+    Parameters
+    ----------
+    system, linearise : as in `poles`
+
+    Returns
+    -------
+    StateSpace
+        `A` (2N, 2N), `B` (2N, 2), `C` (3N, 2N), `D` (3N, 2), and the names `states`, `inputs`,
+        `outputs`.
+
+    Raises
+    ------
+    RequestError, ModelError
+        See `as_linear_model`.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> sd.state_space(sd.load_body("ksiazek1997_back_off")).states
+    ('displacement m1', 'displacement m2', 'velocity m1', 'velocity m2')
+    """
+    model = as_linear_model(system, linearise)
+    n = model.size
+    a = companion(model.mass, model.damping, model.stiffness)
+    forces = np.column_stack([model.drive_stiffness, model.drive_damping])
+    b = np.vstack([np.zeros((n, 2)), np.linalg.solve(model.mass, forces)])
+    names = {
+        quantity: tuple(f"{quantity} {node}" for node in model.nodes)
+        for quantity in ("displacement", "velocity", "acceleration")
+    }
+    return StateSpace(
+        A=a,
+        B=b,
+        C=np.vstack([np.eye(2 * n), a[n:]]),
+        D=np.vstack([np.zeros((2 * n, 2)), b[n:]]),
+        states=names["displacement"] + names["velocity"],
+        inputs=(f"displacement {model.drive}", f"velocity {model.drive}"),
+        outputs=names["displacement"] + names["velocity"] + names["acceleration"],
+    )
+
+
+def quadratic_eigenvalues(second: Array, first: Array, zeroth: Array) -> ComplexArray:
+    """Return the finite eigenvalues of E2 s^2 + E1 s + E0; E2 may be singular.
+
+    A singular E2 puts eigenvalues at infinity. Those that rounding makes huge instead come back
+    too, so the caller must check what is used.
+    """
+    from scipy.linalg import eigvals
+
+    n = len(zeroth)
+    eye, none = np.eye(n), np.zeros((n, n))
+    rate = natural_rate(second, zeroth)
+    a = np.block([[none, eye], [-zeroth / rate**2, -first / rate]])
+    values = eigvals(a, np.block([[eye, none], [none, second]]))
+    return np.asarray(values[np.isfinite(values)] * rate)
+
+
+def natural_rate(mass: Array, stiffness: Array) -> float:
+    """Angular frequency that brings displacements and velocities to one size; 1 without springs."""
+    ratio = np.linalg.norm(stiffness) / np.linalg.norm(mass)
+    return float(np.sqrt(ratio)) if ratio > 0.0 else 1.0
+
+
+def labelled(
+    variables: Mapping[str, Variable],
+    coords: Mapping[str, Any],
+    model: LinearModel,
+    request: Mapping[str, Any],
+    **attrs: Any,
+) -> xr.Dataset:
+    """Dataset with a unit on every variable, and what it is the answer to."""
+    import xarray as xr
+
+    from seatdyn import __version__
+
+    data = {
+        name: (dims, values, {"units": unit, "long_name": text})
+        for name, (dims, values, unit, text) in variables.items()
+    }
+    provenance = {
+        "ignored": json.dumps(list(model.ignored)),
+        "seatdyn_version": __version__,
+        "request": json.dumps(dict(request)),
+    }
+    return xr.Dataset(data, dict(coords), {**provenance, **attrs})
+
+
+def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Upper poles sorted by modulus, their shapes (mode, node), and all poles in that order."""
+    a = companion(model.mass, model.damping, model.stiffness)
+    values, vectors = np.linalg.eig(a)
+    values = values.astype(complex)
+    order = np.lexsort((-values.imag, values.real, np.abs(values)))
+    upper = np.array([i for i in order if values[i].imag >= 0.0])
+    shapes = vectors[: model.size, upper].T.astype(complex)
+    largest = np.argmax(np.abs(shapes), axis=1)[:, None]
+    shapes = shapes / np.take_along_axis(shapes, largest, axis=1)
+    return values[upper], shapes, with_conjugates(values[upper])
+
+
+def with_conjugates(upper: ComplexArray) -> ComplexArray:
+    """Each real value once and each pair twice, from the values with imag >= 0 of a real problem.
+
+    LAPACK pairs conjugates by construction, so the sign of the imaginary part tells them apart.
+    """
+    pairs = [[value] if value.imag == 0.0 else [value, value.conj()] for value in upper]
+    return np.array([value for pair in pairs for value in pair], dtype=complex)

@@ -1,0 +1,88 @@
+"""From model objects to the arrays that the kernels read. This happens once per run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatdyn.errors import ModelError
+from seatdyn.kernels.plant import Plant
+from seatdyn.model.excitation import Motion
+from seatdyn.model.system import BASE, SeatSystem
+
+
+def lower(system: SeatSystem, motion: Motion) -> Plant:
+    """Arrays of a system under a base motion.
+
+    Raises
+    ------
+    ModelError
+        A free node without mass.
+    """
+    linear = system.linear
+    n = linear.size
+    masses = np.diag(linear.mass)
+    if np.any(masses <= 0.0):
+        node = linear.nodes[int(np.argmin(masses))]
+        raise ModelError(f"Node {node!r} has no mass; give it one to simulate the system.")
+    inverse = np.linalg.inv(linear.mass)
+
+    def node_index(name: str) -> int:
+        return -1 if name == BASE else linear.index(name)
+
+    channels = system.channels
+    first = np.array([node_index(c.between[0]) for c in channels], dtype=np.int64)
+    second = np.array([node_index(c.between[1]) for c in channels], dtype=np.int64)
+    incidence = np.zeros((n, len(channels)))
+    for j in range(len(channels)):
+        if first[j] >= 0:
+            incidence[first[j], j] -= 1.0
+        if second[j] >= 0:
+            incidence[second[j], j] += 1.0
+    pull = inverse @ incidence
+
+    laws = [[element.lower() for element in channel.elements] for channel in channels]
+    flat = [law for channel in laws for law in channel]
+    lengths = [len(law.parameters) for law in flat]
+    offsets = np.concatenate([[0], np.cumsum(lengths)])[:-1] if flat else np.zeros(0)
+    # two elements may break at the same place; it is one event
+    breaks = [
+        list(dict.fromkeys(spot for law in channel for spot in law.breaks)) for channel in laws
+    ]
+    rows = [spot for channel in breaks for spot in channel]
+    parameters = [p for law in flat for p in law.parameters]
+    return Plant(
+        linear=np.ascontiguousarray(
+            np.vstack(
+                [
+                    -(inverse @ linear.stiffness).T,
+                    -(inverse @ linear.damping).T,
+                    inverse @ linear.drive_stiffness,
+                    inverse @ linear.drive_damping,
+                ]
+            )
+        ),
+        pull=np.ascontiguousarray(pull),
+        gain=np.ascontiguousarray(incidence.T @ pull),
+        first=first,
+        second=second,
+        element_start=_starts(laws),
+        element_code=np.array([law.code for law in flat], dtype=np.int64),
+        element_offset=offsets.astype(np.int64),
+        element_address=np.array([law.address for law in flat], dtype=np.int64),
+        element_jumps=np.array(
+            [any(spot.jumps for spot in law.breaks) for law in flat], dtype=np.int64
+        ),
+        parameters=np.array([*parameters, 0.0]),
+        break_start=_starts(breaks),
+        break_displacement=np.array([spot.displacement for spot in rows], dtype=float),
+        break_velocity=np.array([spot.velocity for spot in rows], dtype=float),
+        break_value=np.array([spot.value for spot in rows], dtype=float),
+        break_jumps=np.array([spot.jumps for spot in rows], dtype=np.int64),
+        segments=np.column_stack([motion.starts, motion.polynomials, motion.segment_sines]),
+        sines=np.ascontiguousarray(motion.sines),
+    )
+
+
+def _starts(lists: list[list]) -> np.ndarray:  # type: ignore[type-arg]
+    """Begin of each list in their concatenation, and the end."""
+    return np.concatenate([[0], np.cumsum([len(items) for items in lists])]).astype(np.int64)

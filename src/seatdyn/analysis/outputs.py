@@ -1,0 +1,125 @@
+"""What a solution is asked for: named motions and forces from samples of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.run import Samples
+from seatdyn.model.body import SEAT
+from seatdyn.model.elements import Damper, Element, LinearElement, Spring
+from seatdyn.model.system import BASE, SeatSystem
+
+Array = NDArray[np.float64]
+SUSPENSION = {BASE, SEAT}
+
+
+def unique_names(elements: Sequence[Element]) -> list[str]:
+    """Names of elements, numbered where the same name occurs again."""
+    names: list[str] = []
+    for element in elements:
+        name, count = element.name, 2
+        while name in names:
+            name, count = f"{element.name} {count}", count + 1
+        names.append(name)
+    return names
+
+
+def motion_of(system: SeatSystem, samples: Samples, node: str, order: int) -> Array:
+    """Displacement (order 0), velocity (1) or acceleration (2) of a node, (p,)."""
+    if node == BASE:
+        return samples.base[order]
+    index = system.linear.index(node)
+    return (samples.displacement, samples.velocity, samples.acceleration)[order][:, index]
+
+
+def across(system: SeatSystem, samples: Samples, between: tuple[str, str], order: int) -> Array:
+    """Motion of the second node relative to the first, (p,)."""
+    first, second = (motion_of(system, samples, node, order) for node in between)
+    return second - first
+
+
+def pairs(system: SeatSystem) -> list[tuple[str, str]]:
+    """Node pairs of the relative displacements: suspension, masses to seat, masses to masses."""
+    masses = system.body.nodes
+    return [(BASE, SEAT), *((SEAT, node) for node in masses), *combinations(masses, 2)]
+
+
+def pair_name(pair: tuple[str, str]) -> str:
+    """Second minus first: ("seat", "m1") is "m1-seat"."""
+    return f"{pair[1]}-{pair[0]}"
+
+
+def element_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
+    """Force of every element in N, positive in tension, name -> (p,)."""
+    order = [element for channel in system.channels for element in channel.elements]
+    column = {id(element): i for i, element in enumerate(order)}
+    forces = {}
+    for name, element in zip(unique_names(system.all_elements), system.all_elements, strict=True):
+        if isinstance(element, LinearElement):
+            k, c = element.linear
+            d = across(system, samples, element.between, 0)
+            v = across(system, samples, element.between, 1)
+            forces[name] = k * d + c * v
+        else:
+            forces[name] = samples.force[:, column[id(element)]]
+    return forces
+
+
+def suspension_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
+    """Sums over the suspension, positive in tension: springs, dampers, non-linear elements."""
+    total = {key: np.zeros(samples.time.size) for key in ("spring", "damper", "nonlinear")}
+    forces = element_forces(system, samples)
+    for force, element in zip(forces.values(), system.all_elements, strict=True):
+        if set(element.between) != SUSPENSION:
+            continue
+        sign = 1.0 if element.between == (BASE, SEAT) else -1.0
+        kind = {Spring: "spring", Damper: "damper"}.get(type(element), "nonlinear")
+        total[kind] += sign * force
+    return total
+
+
+def named_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
+    """Everything that has an amplitude, by the names that the command line prints.
+
+    acc_<node> (m/s2), <node> (m), <node>-<node> (m), F_damper, F_spring, F_linear (their sum),
+    F_nonlinear, F_damper+nonlinear (N).
+    """
+    nodes = (*system.body.nodes, SEAT)
+    result = {f"acc_{node}": motion_of(system, samples, node, 2) for node in nodes}
+    result |= {node: motion_of(system, samples, node, 0) for node in nodes}
+    for pair in pairs(system):
+        result[pair_name(pair)] = across(system, samples, pair, 0)
+    force = suspension_forces(system, samples)
+    return result | {
+        "F_damper": force["damper"],
+        "F_spring": force["spring"],
+        "F_linear": force["damper"] + force["spring"],
+        "F_nonlinear": force["nonlinear"],
+        "F_damper+nonlinear": force["damper"] + force["nonlinear"],
+    }
+
+
+def output_unit(name: str) -> str:
+    """Unit of an output of `named_outputs`."""
+    if name.startswith("acc_"):
+        return "m/s2"
+    return "N" if name.startswith("F_") else "m"
+
+
+def body_force(system: SeatSystem, samples: Samples) -> Array:
+    """Force of the body on the seat frame, N, positive upwards: what accelerates it beside F_s."""
+    seat = motion_of(system, samples, SEAT, 2)
+    total = system.seat.mass * seat
+    forces = element_forces(system, samples)
+    for force, element in zip(forces.values(), system.all_elements, strict=True):
+        if element.between[1] == SEAT:
+            total = total + force
+        elif element.between[0] == SEAT:
+            total = total - force
+    return total
+
+

@@ -1,0 +1,215 @@
+"""One time run: lower, integrate in pieces, and look at the solution anywhere."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.ladder import make_ladder
+from seatdyn.analysis.lowering import lower
+from seatdyn.errors import RequestError, Status
+from seatdyn.kernels import dense, integrate
+from seatdyn.kernels.exponential import Ladder
+from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.plant import FREE, Plant
+from seatdyn.model.excitation import Motion
+from seatdyn.model.system import SeatSystem
+
+Array = NDArray[np.float64]
+logger = logging.getLogger("seatdyn")
+
+LONGEST_LADDER_STEP = 0.1  # s
+PIECE = 30.0  # s of a long run between two reports of progress
+SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
+SMALLEST_SCALE = (1e-6, 1e-5)  # m and m/s: the same for a base at rest
+STATUS = {
+    integrate.OK: Status.OK,
+    integrate.CHATTERING: Status.CHATTERING,
+    integrate.DIVERGED: Status.DIVERGED,
+    integrate.STEP_LIMIT: Status.STEP_LIMIT,
+    integrate.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run is integrated.
+
+    rtol : error of a step relative to the largest motion so far
+    stick_speed : m/s below which a channel may be held at a jump of its force
+    max_events_per_second : more than these end the run with status `chattering`
+    max_steps : of one run
+    method : "ladder" (linear part exact) or "runge-kutta" (Dormand-Prince alone)
+    """
+
+    rtol: float = 1e-8
+    stick_speed: float = 1e-5
+    max_events_per_second: int = 100_000
+    max_steps: int = 5_000_000
+    method: str = "ladder"
+
+    def __post_init__(self) -> None:
+        """Check every setting."""
+        if not 1e-13 <= self.rtol <= 1e-2:
+            raise RequestError(f"rtol = {self.rtol:g} is not allowed; it must be in 1e-13 .. 1e-2.")
+        if not self.stick_speed >= 0.0:
+            raise RequestError(f"stick_speed = {self.stick_speed} m/s must be >= 0.")
+        if self.method not in ("ladder", "runge-kutta"):
+            raise RequestError(
+                f"method = {self.method!r} is not allowed; use 'ladder' or 'runge-kutta'."
+            )
+
+
+class Samples(NamedTuple):
+    """The solution at p instants."""
+
+    time: Array  # (p,)
+    base: Array  # (3, p) displacement, velocity, acceleration of the base
+    displacement: Array  # (p, N)
+    velocity: Array  # (p, N)
+    acceleration: Array  # (p, N)
+    force: Array  # (p, e) of the non-linear elements, in the order of the channels
+    elastic: Array  # (p, e) of the same at zero velocity
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a run is: displacements and velocities, and the branch of every law."""
+
+    y: Array
+    side: NDArray[np.int64]
+    held: NDArray[np.int64]
+
+    @property
+    def is_held(self) -> bool:
+        """Whether some channel rests on a jump."""
+        return bool(np.any(self.held != FREE))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: a row of `record` and `marks` per step, and a last row for the end."""
+
+    problem: Problem
+    status: Status
+    events: int
+    record: Array
+    marks: NDArray[np.int64]
+    end: State
+
+    @property
+    def steps(self) -> int:
+        """Number of accepted steps."""
+        return self.record.shape[0] - 1
+
+    def at(self, time: Array) -> Samples:
+        """The solution at these times (s), inside the run."""
+        starts = self.record[:, 0]
+        index = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, self.steps - 1)
+        return self.sample(index, (time - starts[index]) / (starts[index + 1] - starts[index]))
+
+    def in_steps(self, shares: Array) -> Samples:
+        """The solution at the same shares (0..1) of every step, ends one-sided."""
+        index = np.repeat(np.arange(self.steps), shares.size)
+        return self.sample(index, np.tile(shares, self.steps))
+
+    def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
+        """The solution at `share` of the steps `index`."""
+        plant = self.problem.plant
+        share = np.ascontiguousarray(share, dtype=float)
+        index = np.ascontiguousarray(index, dtype=np.int64)
+        with CompileNotice():
+            parts = dense.sample(plant, self.record, self.marks, index, share)
+        starts = self.record[:, 0]
+        time = starts[index] + share * (starts[index + 1] - starts[index])
+        motion = self.problem.motion
+        base = np.array([motion.evaluate(time, order) for order in range(3)])
+        return Samples(time, base, *parts)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A system under a base motion, lowered once."""
+
+    system: SeatSystem
+    motion: Motion
+    settings: Settings
+    plant: Plant
+    ladder: Ladder
+    longest_step: float
+
+    @classmethod
+    def make(cls, system: SeatSystem, motion: Motion, settings: Settings) -> Problem:
+        """Lower `system` and `motion`."""
+        plant = lower(system, motion)
+        longest = min(motion.longest_step, LONGEST_LADDER_STEP)
+        ladder = make_ladder(plant, longest)
+        return cls(system, motion, settings, plant, ladder, longest)
+
+    @cached_property
+    def floor(self) -> tuple[float, float]:
+        """Sizes of displacement (m) and velocity (m/s) below which errors are absolute."""
+        x, v = self.motion.scale
+        return (
+            max(SHARE_OF_INPUT * x, SMALLEST_SCALE[0]),
+            max(SHARE_OF_INPUT * v, SMALLEST_SCALE[1]),
+        )
+
+    def start(self, y: Array) -> State:
+        """A state whose branches are still to be read from its displacements and velocities."""
+        side = np.zeros(self.plant.break_value.size, dtype=np.int64)
+        held = np.full(self.plant.first.size, FREE, dtype=np.int64)
+        return State(np.array(y, dtype=float), side, held)
+
+    def run(
+        self,
+        t0: float,
+        t1: float,
+        start: State,
+        progress: Callable[[float], None] | None = None,
+    ) -> Run:
+        """Integrate from t0 to t1 (s); `progress` is called with the share done."""
+        settings = self.settings
+        pieces = max(1, math.ceil((t1 - t0) / PIECE))
+        times = np.linspace(t0, t1, pieces + 1)
+        records, marks = [], []
+        events, steps, state = 0, 0, start
+        code = integrate.OK
+        for begin, stop in zip(times[:-1], times[1:], strict=True):
+            with CompileNotice():
+                code, count, side, held, record, mark = integrate.integrate(
+                    self.plant,
+                    self.ladder,
+                    settings.method == "ladder",
+                    float(begin),
+                    float(stop),
+                    state.y,
+                    state.side,
+                    state.held,
+                    settings.rtol,
+                    *self.floor,
+                    self.longest_step,
+                    settings.max_steps - steps,
+                    settings.stick_speed,
+                    settings.max_events_per_second,
+                )
+            n = self.plant.linear.shape[1]
+            state = State(record[-1, 1 : 2 * n + 1].copy(), side, held)
+            events += count
+            steps += record.shape[0] - 1
+            records.append(record)
+            marks.append(mark)
+            if code != integrate.OK:
+                break
+            if progress is not None:
+                progress((stop - t0) / (t1 - t0))
+        joined = np.concatenate([*(r[:-1] for r in records), records[-1][-1:]])
+        joined_marks = np.concatenate([*(m[:-1] for m in marks), marks[-1][-1:]])
+        return Run(self, STATUS[code], events, joined, joined_marks, state)

@@ -1,0 +1,286 @@
+"""Periodic steady state, by time integration until the motion repeats itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.energy import energy_balance
+from seatdyn.analysis.outputs import named_outputs, output_unit
+from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
+from seatdyn.analysis.transient import (
+    initial_state,
+    run_attributes,
+    to_dataset,
+    warn_extrapolation,
+)
+from seatdyn.errors import RequestError, Status
+from seatdyn.model.excitation import Excitation
+from seatdyn.model.system import SeatSystem
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+DEFAULT = Settings(rtol=1e-9)
+SHARES = np.linspace(0.0, 1.0, 13)  # of a step, where extrema are looked for
+REFINED = 33  # points around each extremum on the second look
+PER_PERIOD = 1024  # points of the period kept in the Dataset
+HARMONICS = 20
+CLOSE = 1e-3  # relative change per period below which Newton may finish
+PERTURBATION = 1e-5  # relative, for the monodromy matrix
+NEWTON_STEPS = 6
+
+
+def steady_state(
+    system: SeatSystem,
+    excitation: Excitation,
+    *,
+    tolerance: float = 1e-9,
+    max_periods: int = 5000,
+    settings: Settings = DEFAULT,
+) -> xr.Dataset:
+    """Periodic response to a periodic base motion, reached by time integration from rest.
+
+    Periods are integrated until the state repeats; when it nearly does, Newton's method on the
+    period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
+    inside the unit circle) and repeats within `tolerance` when integrated once more.
+
+    Parameters
+    ----------
+    system, excitation : the excitation must have a period
+    tolerance : largest change of the state over one period, relative to its largest motion
+    max_periods : periods after which the response is called not periodic
+
+    Returns
+    -------
+    xarray.Dataset
+        amplitude (half of maximum minus minimum over the period), maximum, minimum, rms (output);
+        harmonics (output, harmonic), complex amplitudes; and one period of everything that
+        `simulate` gives. Attributes: status, error_estimate, floquet_max, periods,
+        energy_residual. Without a steady state the numbers are NaN and the status says why.
+
+    Raises
+    ------
+    RequestError
+        An excitation without a period.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(260.0)])
+    >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
+    >>> state = sd.steady_state(system, sd.Sine(1.55, amplitude=0.8857))
+    >>> round(float(state.amplitude.sel(output="acc_seat")), 5)
+    4.01629
+    """
+    problem = Problem.make(system, excitation.motion, settings)
+    orbit = find_orbit(problem, excitation, tolerance, max_periods)
+    data = _dataset(problem, orbit)
+    data.attrs |= {
+        "status": str(orbit.status),
+        "message": orbit.status.message,
+        "error_estimate": orbit.error,
+        "floquet_max": orbit.multiplier,
+        "periods": orbit.periods,
+        "tolerance": tolerance,
+    }
+    if orbit.run is not None and orbit.status is Status.CONVERGED:
+        warn_extrapolation(orbit.run)
+        inputs = run_attributes(orbit.run, system, excitation)
+        data.attrs |= {k: v for k, v in inputs.items() if k not in ("status", "message")}
+        data.attrs["energy_residual"] = energy_balance(orbit.run).residual
+    return data
+
+
+def periodic_state(problem: Problem, excitation: Excitation) -> Array:
+    """State at t = 0 on the steady state, (2N,); refused where there is none."""
+    orbit = find_orbit(problem, excitation, 1e-8, 5000)
+    if orbit.status is not Status.CONVERGED or orbit.run is None:
+        raise RequestError(f"initial = 'periodic' is not possible: {orbit.status.message}")
+    return orbit.run.end.y
+
+
+class Orbit:
+    """A periodic orbit, or the reason why there is none."""
+
+    def __init__(
+        self,
+        status: Status,
+        period: float,
+        run: Run | None = None,
+        *,
+        error: float = np.nan,
+        multiplier: float = np.nan,
+        periods: int = 0,
+    ) -> None:
+        """Keep what was found."""
+        self.status, self.period, self.run = status, period, run
+        self.error, self.multiplier, self.periods = error, multiplier, periods
+
+
+def find_orbit(
+    problem: Problem, excitation: Excitation, tolerance: float, max_periods: int
+) -> Orbit:
+    """Integrate from rest until the motion repeats itself."""
+    period = excitation.period
+    if period is None:
+        raise RequestError(
+            f"{type(excitation).__name__} has no period, so there is no periodic steady state; "
+            "use Sine or a SineSum of commensurable frequencies, or `simulate`."
+        )
+    if not problem.system.channels and not _linear_stable(problem.system):
+        return Orbit(Status.UNSTABLE, period)
+    state = problem.start(initial_state(problem, excitation, "rest"))
+    changes: list[float] = []
+    for count in range(1, max_periods + 1):
+        run = problem.run(0.0, period, state)
+        if run.status is Status.DIVERGED:
+            return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=count)
+        if run.status is not Status.OK:
+            return Orbit(run.status, period, periods=count)
+        changes.append(_change(problem, state, run))
+        rate = changes[-1] / changes[-2] if count > 1 and changes[-2] > 0.0 else 1.0
+        remaining = changes[-1] * rate / (1.0 - rate) if rate < 1.0 else np.inf
+        if changes[-1] <= tolerance and remaining <= tolerance:
+            last = problem.run(0.0, period, run.end)
+            return Orbit(Status.CONVERGED, period, last, error=max(remaining, changes[-1]),
+                         multiplier=rate, periods=count)
+        # Newton costs as much as 2N periods: when they are few, or now and then when slow
+        near = changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
+        if near and not run.end.is_held:
+            orbit = _newton(problem, period, run.end, tolerance, count)
+            if orbit is not None:
+                return orbit
+        state = run.end
+    return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
+
+
+def _linear_stable(system: SeatSystem) -> bool:
+    from seatdyn.analysis.stability import is_stable
+
+    return bool(is_stable(system))
+
+
+def _scales(problem: Problem, run: Run) -> Array:
+    """Largest displacement and velocity of the run, as a vector over the state."""
+    n = problem.system.linear.size
+    z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
+    v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
+    return np.repeat([z, v], n)
+
+
+def _change(problem: Problem, start: State, run: Run) -> float:
+    """Change of the state over the run, relative to its largest motion."""
+    return float(np.max(np.abs(run.end.y - start.y) / _scales(problem, run)))
+
+
+def _newton(
+    problem: Problem, period: float, state: State, tolerance: float, count: int
+) -> Orbit | None:
+    """Newton's method on the period map; None unless it ends on a stable orbit."""
+    y = state.y
+    jacobian = np.empty((y.size, y.size))
+    residual_before = np.inf
+    for step in range(NEWTON_STEPS):
+        run = problem.run(0.0, period, problem.start(y))
+        if run.status is not Status.OK or run.end.is_held:
+            return None
+        scales = _scales(problem, run)
+        residual = float(np.max(np.abs(run.end.y - y) / scales))
+        if step and residual <= tolerance:
+            multiplier = float(np.max(np.abs(np.linalg.eigvals(jacobian))))
+            if multiplier >= 1.0:
+                return None
+            error = residual * max(1.0, 1.0 / (1.0 - multiplier))
+            return Orbit(Status.CONVERGED, period, run, error=error, multiplier=multiplier,
+                         periods=count)
+        if residual > 0.5 * residual_before:
+            return None
+        residual_before = residual
+        for i in range(y.size):
+            shifted = y.copy()
+            shifted[i] += PERTURBATION * scales[i]
+            other = problem.run(0.0, period, problem.start(shifted))
+            jacobian[:, i] = (other.end.y - run.end.y) / (PERTURBATION * scales[i])
+        y = y + np.linalg.solve(np.eye(y.size) - jacobian, run.end.y - y)
+    return None
+
+
+def extrema(run: Run) -> tuple[dict[str, float], dict[str, float]]:
+    """Maximum and minimum of every output over the run, one-sided limits at jumps included.
+
+    The run is one period of a periodic motion. Every step is looked at in 13 points; around each
+    extremum found the solution is looked at again on a finer grid, with a parabola through the
+    last three points.
+    """
+    system, starts = run.problem.system, run.record[:, 0]
+    samples = run.in_steps(SHARES)
+    coarse = named_outputs(system, samples)
+    centres, spans = [], []
+    for values in coarse.values():
+        for place in (int(np.argmax(values)), int(np.argmin(values))):
+            step = place // SHARES.size
+            around = starts[max(step - 1, 0) : step + 3]
+            centres.append(samples.time[place])
+            spans.append(np.diff(around).max() / (SHARES.size - 1))
+    offsets = np.linspace(-1.0, 1.0, REFINED)
+    time = np.array(centres)[:, None] + np.array(spans)[:, None] * offsets
+    period = starts[-1] - starts[0]
+    fine = named_outputs(system, run.at(starts[0] + np.mod(time.ravel() - starts[0], period)))
+    high, low = {}, {}
+    for i, (name, values) in enumerate(coarse.items()):
+        rows = fine[name].reshape(-1, REFINED)
+        high[name] = max(float(values.max()), _vertex(rows[2 * i]))
+        low[name] = min(float(values.min()), -_vertex(-rows[2 * i + 1]))
+    return high, low
+
+
+def _vertex(values: Array) -> float:
+    """Maximum of equidistant values, by the parabola through the highest and its neighbours."""
+    k = int(np.argmax(values))
+    if k in (0, values.size - 1):
+        return float(values[k])
+    left, middle, right = values[k - 1], values[k], values[k + 1]
+    bend = left - 2 * middle + right
+    return float(middle if bend == 0.0 else middle - (right - left) ** 2 / (8 * bend))
+
+
+def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
+    """One period, and amplitudes; NaN where there is no steady state."""
+    import xarray as xr
+
+    system = problem.system
+    if orbit.run is None or orbit.status is not Status.CONVERGED:
+        empty = Samples(
+            np.zeros(0), np.zeros((3, 0)), *(np.zeros((0, system.linear.size)) for _ in range(3)),
+            *(np.zeros((0, problem.plant.element_code.size)) for _ in range(2)),
+        )  # fmt: skip
+        names = list(named_outputs(system, empty))
+        nan: dict[str, Any] = {
+            key: ("output", np.full(len(names), np.nan))
+            for key in ("amplitude", "maximum", "minimum", "rms")
+        }
+        return xr.Dataset(nan, coords={"output": names})
+    time = orbit.period * np.arange(PER_PERIOD) / PER_PERIOD
+    samples = orbit.run.at(time)
+    outputs = named_outputs(system, samples)
+    high, low = extrema(orbit.run)
+    names = list(outputs)
+    values = np.array(list(outputs.values()))
+    top, bottom = np.array([high[n] for n in names]), np.array([low[n] for n in names])
+    spectrum = np.fft.rfft(values, axis=1)[:, : HARMONICS + 1] / PER_PERIOD
+    spectrum[:, 1:] *= 2
+    data = to_dataset(system, samples)
+    data.coords["output"] = names
+    data.coords["harmonic"] = np.arange(HARMONICS + 1)
+    data.coords["output_unit"] = ("output", [output_unit(name) for name in names])
+    note = {"units": "see output_unit"}
+    data["amplitude"] = ("output", (top - bottom) / 2, note)
+    data["maximum"] = ("output", top, note)
+    data["minimum"] = ("output", bottom, note)
+    data["rms"] = ("output", np.sqrt(np.mean(values**2, axis=1)), note)
+    data["harmonics"] = (("output", "harmonic"), spectrum, note)
+    return data

@@ -1,0 +1,275 @@
+"""Time response."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import seatdyn
+from seatdyn.analysis.energy import energy_balance
+from seatdyn.analysis.outputs import (
+    across,
+    body_force,
+    element_forces,
+    motion_of,
+    pair_name,
+    pairs,
+    suspension_forces,
+)
+from seatdyn.analysis.run import Problem, Run, Samples, Settings
+from seatdyn.errors import ExtrapolationWarning, RequestError
+from seatdyn.kernels import dense
+from seatdyn.model.excitation import Excitation
+from seatdyn.model.system import SeatSystem
+from seatdyn.units import number
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+MOST_POINTS = 20_000_000  # of the output grid
+DEFAULT_STEP = 1e-3  # s
+
+
+def simulate(
+    system: SeatSystem,
+    excitation: Excitation,
+    duration: float,
+    *,
+    output_step: float = DEFAULT_STEP,
+    initial: Literal["rest", "equilibrium", "periodic"] | ArrayLike = "rest",
+    settings: Settings | None = None,
+    energy_check: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Motion of a system from t = 0 to `duration`.
+
+    Parameters
+    ----------
+    system : SeatSystem
+    excitation : base motion
+    duration : s, > 0
+    output_step : s between output points; the solution itself takes the steps that it needs
+    initial : "rest" in the absolute frame; "equilibrium" under constant forces (`Preload`);
+        "periodic" on the steady state; or an array of displacements, then velocities, (2N,)
+    settings : accuracy and limits, see `Settings`
+    energy_check : work out the energy balance (`energy_residual`, relative to the throughput)
+    progress : called with the share done
+
+    Returns
+    -------
+    xarray.Dataset
+        displacement, velocity, acceleration (node, time); relative_displacement (pair, time);
+        element_force (element, time); suspension_force, body_force, base_displacement,
+        base_velocity, base_acceleration (time). Attributes: status, message, energy_residual, ...
+
+    Raises
+    ------
+    RequestError
+        A duration or step that is not usable, or a grid of more than 20 million points.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(260.0)])
+    >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
+    >>> run = sd.simulate(system, sd.Sine(1.55, amplitude=0.8857), duration=1.0)
+    >>> run.attrs["status"], run.sizes["time"]
+    ('ok', 1001)
+    """
+    run = run_for(system, excitation, duration, output_step, initial, settings, progress)
+    end = run.record[-1, 0]
+    count = round(end / output_step) + 1
+    time = np.linspace(0.0, (count - 1) * output_step, count)
+    time = time[time <= end * (1 + 1e-12)]
+    data = to_dataset(system, run.at(np.minimum(time, end)))
+    data.attrs |= run_attributes(run, system, excitation)
+    if energy_check:
+        balance = energy_balance(run)
+        data.attrs |= {
+            "energy_residual": balance.residual,
+            "energy_change_J": balance.change,
+            "base_work_J": balance.base_work,
+            "dissipated_J": balance.dissipated,
+            "feedback_work_J": balance.feedback_work,
+        }
+    return data
+
+
+def run_for(
+    system: SeatSystem,
+    excitation: Excitation,
+    duration: float,
+    output_step: float = DEFAULT_STEP,
+    initial: Literal["rest", "equilibrium", "periodic"] | ArrayLike = "rest",
+    settings: Settings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Run:
+    """The run behind `simulate`: steps and solution, without a Dataset."""
+    settings = settings or Settings()
+    duration = number(duration, "duration", "s", above=0.0, error=RequestError)
+    output_step = number(output_step, "output_step", "s", above=0.0, error=RequestError)
+    if output_step > duration:
+        raise RequestError(
+            f"output_step = {output_step:g} s exceeds duration = {duration:g} s; make it shorter."
+        )
+    if duration / output_step > MOST_POINTS:
+        raise RequestError(
+            f"duration = {duration:g} s at output_step = {output_step:g} s asks for "
+            f"{duration / output_step:.3g} points; at most {MOST_POINTS:.0e} are allowed. "
+            "Shorten the run or lengthen output_step."
+        )
+    problem = Problem.make(system, excitation.motion, settings)
+    if duration / problem.longest_step > settings.max_steps:
+        raise RequestError(
+            f"duration = {duration:g} s needs more than {duration / problem.longest_step:.3g} "
+            f"steps; at most {settings.max_steps} are allowed. Shorten the run."
+        )
+    y = initial_state(problem, excitation, initial)
+    run = problem.run(0.0, duration, problem.start(y), progress)
+    warn_extrapolation(run)
+    return run
+
+
+def initial_state(
+    problem: Problem,
+    excitation: Excitation,
+    initial: Literal["rest", "equilibrium", "periodic"] | ArrayLike,
+) -> Array:
+    """Displacements, then velocities, (2N,)."""
+    size = 2 * problem.system.linear.size
+    if isinstance(initial, str):
+        if initial == "rest":
+            return np.zeros(size)
+        if initial == "equilibrium":
+            return np.concatenate([equilibrium(problem), np.zeros(size // 2)])
+        if initial == "periodic":
+            from seatdyn.analysis.steady import periodic_state
+
+            return periodic_state(problem, excitation)
+        raise RequestError(
+            f"initial = {initial!r} is not allowed; use 'rest', 'equilibrium', 'periodic' or an "
+            f"array of {size} numbers."
+        )
+    y = np.asarray(initial, dtype=float).ravel()
+    if y.size != size or not np.all(np.isfinite(y)):
+        raise RequestError(
+            f"initial has {y.size} numbers; it must have {size} finite ones: the displacements "
+            f"(m) of {problem.system.nodes}, then their velocities (m/s)."
+        )
+    return y
+
+
+def equilibrium(problem: Problem) -> Array:
+    """Displacements (N,) at which all forces balance, the base held at its start."""
+    from scipy.optimize import root
+
+    linear, plant = problem.system.linear, problem.plant
+    x0 = float(problem.motion.evaluate(0.0))
+
+    def unbalanced(z: Array) -> Array:
+        force = linear.stiffness @ z - linear.drive_stiffness * x0
+        extended = np.append(z, x0)
+        for j in range(plant.first.size):
+            d = extended[plant.second[j]] - extended[plant.first[j]]
+            pull = dense.element_forces(plant, j, np.array([d]), np.zeros(1)).sum()
+            for node, sign in ((plant.second[j], 1.0), (plant.first[j], -1.0)):
+                if node >= 0:
+                    force[node] += sign * pull
+        return np.asarray(force)
+
+    solution = root(unbalanced, np.zeros(linear.size), tol=1e-12)
+    if not solution.success:
+        raise RequestError(
+            "No static equilibrium was found near zero; start from 'rest' or from an array. "
+            f"({solution.message})"
+        )
+    return np.asarray(solution.x)
+
+
+def warn_extrapolation(run: Run) -> None:
+    """Warn for every measured table that the run left, naming it."""
+    system = run.problem.system
+    samples = None
+    for channel in system.channels:
+        for element in channel.elements:
+            limits = element.lower().limits
+            if limits is None:
+                continue
+            samples = samples or run.in_steps(np.linspace(0.0, 1.0, 5))
+            variable, low, high = limits
+            values = across(system, samples, channel.between, int(variable == "velocity"))
+            if values.min() < low or values.max() > high:
+                warnings.warn(
+                    f"The table of {element.name} was extrapolated: {variable} reached "
+                    f"{values.min():.4g} .. {values.max():.4g}, the table covers {low:.4g} .. "
+                    f"{high:.4g}. Measure further, or mistrust the run.",
+                    ExtrapolationWarning,
+                    stacklevel=4,
+                )
+
+
+def to_dataset(system: SeatSystem, samples: Samples) -> xr.Dataset:
+    """Samples as a labelled Dataset."""
+    import xarray as xr
+
+    nodes, couples = system.nodes, pairs(system)
+    forces = element_forces(system, samples)
+    suspension = suspension_forces(system, samples)
+
+    def per_node(order: int) -> Array:
+        return np.array([motion_of(system, samples, node, order) for node in nodes])
+
+    def unit(text: str) -> dict[str, str]:
+        return {"units": text}
+
+    stacked = np.array(list(forces.values())) if forces else np.zeros((0, samples.time.size))
+    variables: dict[str, Any] = {
+        "displacement": (("node", "time"), per_node(0), unit("m")),
+        "velocity": (("node", "time"), per_node(1), unit("m/s")),
+        "acceleration": (("node", "time"), per_node(2), unit("m/s2")),
+        "relative_displacement": (
+            ("pair", "time"),
+            np.array([across(system, samples, pair, 0) for pair in couples]),
+            unit("m"),
+        ),
+        "element_force": (("element", "time"), stacked, unit("N")),
+        "suspension_force": (("time",), sum(suspension.values()), unit("N")),
+        "body_force": (("time",), body_force(system, samples), unit("N")),
+        "base_displacement": (("time",), samples.base[0], unit("m")),
+        "base_velocity": (("time",), samples.base[1], unit("m/s")),
+        "base_acceleration": (("time",), samples.base[2], unit("m/s2")),
+    }
+    return xr.Dataset(
+        variables,
+        coords={
+            "time": ("time", samples.time, unit("s")),
+            "node": list(nodes),
+            "pair": [pair_name(pair) for pair in couples],
+            "element": list(forces),
+        },
+    )
+
+
+def run_attributes(run: Run, system: SeatSystem, excitation: Excitation) -> dict[str, Any]:
+    """What produced a result, and how it ended."""
+    settings = run.problem.settings
+    return {
+        "status": str(run.status),
+        "message": run.status.message,
+        "steps": run.steps,
+        "events": run.events,
+        "rtol": settings.rtol,
+        "method": settings.method,
+        "seatdyn_version": seatdyn.__version__,
+        "inputs": json.dumps(
+            {"system": repr(system), "excitation": repr(excitation), "notes": excitation.notes}
+        ),
+    }
+
+

@@ -1,0 +1,80 @@
+"""The solution between the steps: states from quintics, accelerations and forces from the laws."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.laws import law_force
+from seatdyn.kernels.plant import accelerations, base_motion, on_side, relative, segment_at
+
+
+@kernel
+def hermite_state(record, i, s, n, y):
+    """State at share s of step i: quintic in the displacements, its derivative as velocity."""
+    h = record[i + 1, 0] - record[i, 0]
+    for q in range(1, n + 1):
+        z0, z1 = record[i, q], record[i + 1, q]
+        m0, m1 = h * record[i, n + q], h * record[i + 1, n + q]
+        k0, k1 = h * h * record[i, 2 * n + q], h * h * record[i, 3 * n + q]
+        rise = z1 - z0
+        p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
+        p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
+        p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
+        y[q - 1] = z0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
+        y[n + q - 1] = (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
+
+
+@kernel
+def sample(plant, record, marks, index, share):
+    """Solution at `share` (0..1) of the steps `index`, on the branch that each step was on.
+
+    Returns displacements, velocities, accelerations (p, N), element forces (p, e), and the element
+    forces at the same displacement and zero velocity (p, e).
+    """
+    n, m, count = plant.linear.shape[1], plant.first.size, index.size
+    breaks, elements = plant.break_value.size, plant.element_code.size
+    z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
+    forces, elastic = np.empty((count, elements)), np.empty((count, elements))
+    y, force = np.empty(2 * n), np.zeros(m)
+    for p in range(count):
+        i = index[p]
+        h = record[i + 1, 0] - record[i, 0]
+        hermite_state(record, i, share[p], n, y)
+        segment = segment_at(plant, record[i, 0] + 0.5 * h)
+        base = base_motion(plant, record[i, 0] + share[p] * h, segment)
+        side, held = marks[i, :breaks], marks[i, breaks:]
+        accelerations(plant, base, y, side, held, a[p], force)
+        for q in range(n):
+            z[p, q], v[p, q] = y[q], y[n + q]
+        for j in range(m):
+            d, speed = relative(plant, j, y, base[0], base[1])
+            d, speed = on_side(plant, j, d, speed, side)
+            total, jumper = 0.0, -1
+            for e in range(plant.element_start[j], plant.element_start[j + 1]):
+                code, offset = plant.element_code[e], plant.element_offset[e]
+                address = plant.element_address[e]
+                forces[p, e] = law_force(code, d, speed, plant.parameters, offset, address)
+                elastic[p, e] = law_force(code, d, 0.0, plant.parameters, offset, address)
+                total += forces[p, e]
+                if plant.element_jumps[e] == 1:
+                    jumper = e
+            if held[j] >= 0 and jumper >= 0:
+                # held at a jump: the element that jumps carries whatever balances
+                forces[p, jumper] += force[j] - total
+                elastic[p, jumper] += force[j] - total
+    return z, v, a, forces, elastic
+
+
+@kernel
+def element_forces(plant, j, d, v):
+    """Forces (p, e) of the elements of channel j at displacements d and velocities v (p,)."""
+    begin, end = plant.element_start[j], plant.element_start[j + 1]
+    result = np.empty((d.size, end - begin))
+    for e in range(begin, end):
+        code, offset = plant.element_code[e], plant.element_offset[e]
+        for p in range(d.size):
+            result[p, e - begin] = law_force(
+                code, d[p], v[p], plant.parameters, offset, plant.element_address[e]
+            )
+    return result

@@ -1,0 +1,118 @@
+"""Where a step meets a break: the distance to it as a polynomial, and its first zero."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
+
+PROBES = 16  # points at which a step with a possible crossing is searched
+BISECTIONS = 60
+
+
+@inlined
+def distance(plant, r, j, y, base, acceleration, side):
+    """Signed distance g of the state to break r of channel j (g >= 0 on our side), g', g''."""
+    d, v = relative(plant, j, y, base[0], base[1])
+    a = relative_acceleration(plant, j, acceleration, base[2])
+    p, q = plant.break_displacement[r], plant.break_velocity[r]
+    s = side[r]
+    # the second derivative is only used where the break does not depend on the velocity
+    return s * (p * d + q * v - plant.break_value[r]), s * (p * v + q * a), s * p * a
+
+
+@inlined
+def quintic(s, h, g0, s0, c0, g1, s1, c1, curved):
+    """Hermite polynomial at share s of a step: values, slopes and (if `curved`) curvatures."""
+    m0, m1 = h * s0, h * s1
+    rise = g1 - g0
+    if not curved:
+        return g0 + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
+    k0, k1 = h * h * c0, h * h * c1
+    p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
+    p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
+    p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
+    return g0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
+
+
+@kernel
+def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
+    """Share of the step at which g first falls below zero; 2 where it does not.
+
+    Zero means that the state leaves its side at once. The step is searched where g ends below
+    zero or dips inside (slopes of opposite sign).
+    """
+    starts_on = g0 <= tolerance
+    if starts_on and s0 <= 0.0 and g1 < -tolerance:
+        return 0.0
+    dips = s0 < 0.0 and s1 > 0.0
+    if g1 >= -tolerance and not dips:
+        return 2.0
+    low, high = 0.0, 2.0
+    inside = not starts_on
+    for i in range(1, PROBES + 1):
+        s = i / PROBES
+        g = g1 if i == PROBES else quintic(s, h, g0, s0, c0, g1, s1, c1, curved)
+        if inside and g < 0.0 and (g < -tolerance or i < PROBES):
+            high = s
+            break
+        if g > tolerance:
+            inside = True
+            low = s
+    if high > 1.0:
+        if not dips:
+            # left the break and came back between two probes, or grazes within the tolerance
+            return 0.5 / PROBES if g1 < -tolerance else 2.0
+        # a dip narrower than the probes: look at the bottom
+        low, high = 0.0, 1.0
+        for _ in range(BISECTIONS):
+            a, b = low + (high - low) / 3, high - (high - low) / 3
+            ga = quintic(a, h, g0, s0, c0, g1, s1, c1, curved)
+            gb = quintic(b, h, g0, s0, c0, g1, s1, c1, curved)
+            if ga < gb:
+                high = b
+            else:
+                low = a
+        bottom = 0.5 * (low + high)
+        if starts_on or quintic(bottom, h, g0, s0, c0, g1, s1, c1, curved) >= -tolerance:
+            return 2.0
+        low, high = 0.0, bottom
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if quintic(middle, h, g0, s0, c0, g1, s1, c1, curved) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@kernel
+def one_sided_forces(plant, r, j, y, base, side):
+    """Force of channel j just below and just above its jump r, the jump reached exactly."""
+    d, v = relative(plant, j, y, base[0], base[1])
+    if plant.break_displacement[r] != 0.0:
+        d, v = plant.break_value[r], 0.0
+    else:
+        v = plant.break_value[r]
+    trial = side.copy()
+    trial[r] = -1
+    below = channel_force(plant, j, d, v, trial)
+    trial[r] = 1
+    return below, channel_force(plant, j, d, v, trial)
+
+
+@kernel
+def sides_of(plant, y, base, acceleration, side):
+    """Set the side of every break from the state: by value, then velocity, then acceleration."""
+    for j in range(plant.first.size):
+        d, v = relative(plant, j, y, base[0], base[1])
+        a = relative_acceleration(plant, j, acceleration, base[2])
+        for r in range(plant.break_start[j], plant.break_start[j + 1]):
+            p, q = plant.break_displacement[r], plant.break_velocity[r]
+            g = p * d + q * v - plant.break_value[r]
+            if g == 0.0:
+                g = p * v + q * a
+            if g == 0.0:
+                g = -np.sign(plant.break_value[r])
+            side[r] = 1 if g > 0.0 else -1

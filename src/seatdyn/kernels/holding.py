@@ -1,0 +1,60 @@
+"""Sticking at a jump: a force that jumps takes any value of the jump while the state rests on it.
+
+At a jump at d = b with v = 0 the force is the whole interval between its one-sided values. A
+channel is held there while the force that balances it lies inside the interval. The same holds
+for a jump at v = 0 (dry friction), where d stays constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatdyn.kernels.events import one_sided_forces
+from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.plant import FREE, accelerations, base_motion, relative
+
+
+@kernel
+def held_margin(plant, t, segment, y, side, held, force):
+    """Smallest distance of a holding force to the ends of its jump, and its channel."""
+    base = base_motion(plant, t, segment)
+    worst, channel = np.inf, -1
+    for j in range(plant.first.size):
+        if held[j] >= 0:
+            below, above = one_sided_forces(plant, held[j], j, y, base, side)
+            margin = min(force[j] - below, above - force[j])
+            if margin < worst:
+                worst, channel = margin, j
+    return worst, channel
+
+
+@kernel
+def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
+    """Hold channel j at jump r if it is slow and the balancing force lies inside the jump."""
+    n = y.size // 2
+    base = base_motion(plant, t, segment)
+    _, v = relative(plant, j, y, base[0], base[1])
+    on_velocity = plant.break_displacement[r] == 0.0
+    if not on_velocity and abs(v) > stick_speed:
+        return
+    below, above = one_sided_forces(plant, r, j, y, base, side)
+    if above <= below:
+        return
+    held[j] = r
+    accelerations(plant, base, y, side, held, np.empty(n), force)
+    if not below <= force[j] <= above:
+        held[j] = FREE
+        return
+    excess = (v - plant.break_value[r]) if on_velocity else v
+    for i in range(n):
+        y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
+
+
+@kernel
+def release(plant, t, segment, y, j, side, held, force):
+    """Let channel j go to the side that its balancing force points to."""
+    base = base_motion(plant, t, segment)
+    r = held[j]
+    below, above = one_sided_forces(plant, r, j, y, base, side)
+    side[r] = 1 if force[j] - below > above - force[j] else -1
+    held[j] = FREE

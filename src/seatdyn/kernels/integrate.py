@@ -1,0 +1,375 @@
+"""A run: ladder steps with the linear part exact where they fit, else Dormand-Prince steps.
+
+Every break of a law is located, and steps end there, at segments of the input and at the end of
+the run. Dormand-Prince steps land on breaks and carry held channels; with `use_ladder` false they
+do the whole run, the in-house second opinion. A step is kept as its end states and its one-sided
+accelerations at both ends; the solution between them is a quintic (`dense`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatdyn.kernels import exponential as ex
+from seatdyn.kernels.events import distance, first_zero, sides_of
+from seatdyn.kernels.holding import held_margin, release, try_to_hold
+from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.plant import accelerations, base_motion, segment_at
+from seatdyn.kernels.runge_kutta import rk_error, rk_step
+
+OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
+LARGEST = 1e9  # m or m/s: no seat moves that far
+ROUNDING = 1e-13
+REFINEMENTS = 40
+FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
+START_LEVEL = ex.LEVELS - 4
+DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 100, 1 / 300  # errors that allow a doubled step
+OVERSHOOT = 1.02  # a landing step reaches a little beyond the break that it is to find
+
+
+@kernel
+def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
+    """Earliest break met in the step: share of the step (2 if none), its row and channel."""
+    best, row, channel = 2.0, -1, -1
+    for j in range(plant.first.size):
+        for r in range(plant.break_start[j], plant.break_start[j + 1]):
+            if held[j] == r:
+                continue
+            g0, s0, c0 = distance(plant, r, j, y, base, a, side)
+            g1, s1, c1 = distance(plant, r, j, y1, base1, a1, side)
+            curved = plant.break_velocity[r] == 0.0
+            tolerance = 4 * break_tolerance(plant, r, z_scale, v_scale)
+            share = first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance)
+            if share < best:
+                best, row, channel = share, r, j
+    return best, row, channel
+
+
+@kernel
+def break_tolerance(plant, r, z_scale, v_scale):
+    """Distance to break r that counts as being on it."""
+    p, q = abs(plant.break_displacement[r]), abs(plant.break_velocity[r])
+    return ROUNDING * (p * z_scale + q * v_scale + abs(plant.break_value[r]))
+
+
+@kernel
+def land(plant, t, h, share, segment, y, k, side, held, y1, force, row, channel, tolerance):
+    """Repeat the step so that it ends on break `row`; returns its size."""
+    n = y.size // 2
+    low, high, trial = 0.0, h, share * h
+    for _ in range(REFINEMENTS):
+        h = trial
+        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+        base = base_motion(plant, t + h, segment)
+        g, slope, _ = distance(plant, row, channel, y1, base, k[6, n:], side)
+        if abs(g) <= tolerance or high - low <= 4e-16 * max(abs(t), 1e-3):
+            break
+        if g > 0.0:
+            low = h
+        else:
+            high = h
+        trial = h - g / slope if slope != 0.0 else low
+        if not low < trial < high:
+            trial = 0.5 * (low + high)
+    return h
+
+
+@kernel
+def land_on_release(plant, t, h, segment, y, k, side, held, y1, force):
+    """Repeat the step so that it ends where a holding force leaves its jump."""
+    low, high = 0.0, h
+    channel = -1
+    for _ in range(REFINEMENTS):
+        h = 0.5 * (low + high)
+        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+        margin, at = held_margin(plant, t + h, segment, y1, side, held, force)
+        if margin < 0.0:
+            high, channel = h, at
+        else:
+            low = h
+    rk_step(plant, t, high, segment, y, k, side, held, y1, force)
+    _, at = held_margin(plant, t + high, segment, y1, side, held, force)
+    return high, max(channel, at)
+
+
+@kernel
+def copy(source, target):
+    """target[:] = source, without the code for shapes that differ."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@kernel
+def grow(old, new):
+    """Copy the rows of a record into a longer one."""
+    for i in range(old.shape[0]):
+        for j in range(old.shape[1]):
+            new[i, j] = old[i, j]
+    return new
+
+
+@kernel
+def save_step(record, marks, i, t, y, a0, a1, side, held):
+    """Write step i: time, state and acceleration at its start, acceleration at its end, marks."""
+    n = a0.size
+    record[i, 0] = t
+    for q in range(2 * n):
+        record[i, 1 + q] = y[q]
+    for q in range(n):
+        record[i, 1 + 2 * n + q] = a0[q]
+        record[i, 1 + 3 * n + q] = a1[q]
+    for q in range(side.size):
+        marks[i, q] = side[q]
+    for q in range(held.size):
+        marks[i, side.size + q] = held[q]
+
+
+@kernel
+def integrate(
+    plant,
+    ladder,
+    use_ladder,
+    t0,
+    t1,
+    y0,
+    side,
+    held,
+    rtol,
+    z_floor,
+    v_floor,
+    h_max,
+    max_steps,
+    stick_speed,
+    max_rate,
+):
+    """Run from t0 to t1. `side[0] == 0` asks for the sides to be set from the state.
+
+    Returns status, number of events, final side and held, and the record of the steps: a row each
+    with time (1), state (2N) and acceleration (N) at its start and acceleration (N) at its end,
+    and a last row with the final time and state; and marks, a row each with sides (b) and held
+    breaks (m).
+    """
+    n, m = plant.linear.shape[1], plant.first.size
+    capacity = 256
+    record = np.empty((capacity, 1 + 4 * n))
+    marks = np.empty((capacity, side.size + m), np.int64)
+
+    y, y1, ym = y0.copy(), np.empty(2 * n), np.empty(2 * n)
+    a0, a1, am = np.zeros(n), np.empty(n), np.empty(n)
+    k, force, force0 = np.empty((7, 2 * n)), np.zeros(m), np.zeros(m)
+    inputs = m + 2
+    row, before, base = np.zeros(2 * n + 5 * inputs), np.zeros((5, m)), np.empty((5, 3))
+    known, motion, tolerance = np.empty(8 * m), np.empty(8 * m), np.empty(m)
+    weights, ratio = np.empty((5, 5)), 0.0
+    side, held = side.copy(), held.copy()
+    t = t0
+    segment = segment_at(plant, t)
+    if side.size and side[0] == 0:
+        # once by value and velocity, once more with the accelerations of these sides
+        side[:] = 1
+        for _ in range(2):
+            start = base_motion(plant, t, segment)
+            sides_of(plant, y, start, a0, side)
+            accelerations(plant, start, y, side, held, a0, force0)
+
+    steps, events, status, flips = 0, 0, OK, 0
+    window, in_window = t, 0
+    z_scale, v_scale = z_floor, v_floor
+    h_rk, last_error = min(h_max, FIRST_STEP), 1.0
+    level = START_LEVEL
+    h_before = 0.0  # size of the ladder step before, if its forces can be extrapolated
+    cap = np.inf  # largest ladder step before a break that has been seen ahead
+    rk_until = -np.inf  # Dormand-Prince steps up to here, to land on a break
+    fresh = True  # accelerations at the start have to be computed
+    while t < t1:
+        if segment + 1 < plant.segments.shape[0] and t >= plant.segments[segment + 1, 0]:
+            segment += 1
+            fresh, h_before = True, 0.0
+        stop = t1
+        if segment + 1 < plant.segments.shape[0]:
+            stop = min(t1, plant.segments[segment + 1, 0])
+        if stop - t <= ROUNDING * max(abs(t), 1.0):
+            t = stop
+            continue
+        if steps >= max_steps:
+            status = STEP_LIMIT
+            break
+        if fresh:
+            accelerations(plant, base_motion(plant, t, segment), y, side, held, a0, force0)
+            fresh = False
+        for i in range(n):
+            z_scale, v_scale = max(z_scale, abs(y[i])), max(v_scale, abs(y[n + i]))
+        if not (z_scale < LARGEST and v_scale < LARGEST):
+            status = DIVERGED
+            break
+        z_tolerance, v_tolerance = rtol * z_scale, rtol * v_scale
+        holding = False
+        for j in range(m):
+            holding = holding or held[j] >= 0
+        if steps + 3 >= record.shape[0]:
+            longer = 2 * record.shape[0]
+            record = grow(record, np.empty((longer, record.shape[1])))
+            marks = grow(marks, np.empty((longer, marks.shape[1]), np.int64))
+
+        fit = level
+        room = min((stop - t) * (1 + 4 * ROUNDING), cap)
+        while fit >= 0 and ladder.step[fit] > room:
+            fit -= 1
+        if use_ladder and not holding and fit >= 0 and t >= rk_until:
+            h = ladder.step[fit]
+            copy(y, row)
+            ex.place_base(plant, t, h, segment, row, base)
+            converged = True
+            if m > 0:
+                if h_before > 0.0 and h / h_before != ratio:
+                    ratio = h / h_before
+                    ex.prediction(ratio, weights)
+                for j in range(m):
+                    place = 2 * n + j
+                    row[place] = force0[j]
+                    for i in range(1, 5):
+                        guess = force0[j]
+                        if h_before > 0.0:
+                            guess = 0.0
+                            for q in range(5):
+                                guess += weights[i, q] * before[q, j]
+                        row[place + i * inputs] = guess
+                    reach = plant.gain[j, j] * h
+                    tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
+                converged = ex.collocate(
+                    plant, ladder.relative[fit], row, base, side, tolerance, known, motion
+                )
+            if not converged:
+                level = fit - 1
+                h_before = 0.0
+                if level < 0:
+                    level, rk_until = 0, t + h
+                continue
+            ex.carry(ladder.advance[fit, 0], row, ym)
+            ex.carry(ladder.advance[fit, 1], row, y1)
+            truncation = ex.truncation(ladder, fit, row, z_tolerance, v_tolerance)
+            start = (base[0, 0], base[0, 1], base[0, 2])
+            middle = (base[2, 0], base[2, 1], base[2, 2])
+            end = (base[4, 0], base[4, 1], base[4, 2])
+            accelerations(plant, middle, ym, side, held, am, force)
+            accelerations(plant, end, y1, side, held, a1, force)
+            gap = ex.interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
+            if not max(truncation, gap) <= 1.0:
+                level = fit - 1
+                h_before = 0.0
+                if level < 0:
+                    level, rk_until = 0, t + h
+                continue
+            share, place, channel = find_event(
+                plant, 0.5 * h, start, middle, y, ym, a0, am, side, held, z_scale, v_scale
+            )
+            reach = 0.5 * h * share
+            if share > 1.0:
+                share, place, channel = find_event(
+                    plant, 0.5 * h, middle, end, ym, y1, am, a1, side, held, z_scale, v_scale
+                )
+                reach = 0.5 * h * (1.0 + share)
+            if share <= 1.0:
+                if reach > 2 * h_rk and 0.9 * reach > ladder.step[0]:
+                    cap = 0.9 * reach  # first a smaller step of the ladder towards the break
+                else:
+                    rk_until = t + OVERSHOOT * reach + ladder.step[0]  # then land on it
+                h_before = 0.0
+                continue
+            cap = np.inf
+            save_step(record, marks, steps, t, y, a0, am, side, held)
+            save_step(record, marks, steps + 1, t + 0.5 * h, ym, am, a1, side, held)
+            steps += 2
+            t = stop if stop - (t + h) <= ROUNDING * max(abs(t), 1.0) else t + h
+            copy(y1, y)
+            copy(a1, a0)
+            copy(force, force0)
+            for q in range(5):
+                for j in range(m):
+                    before[q, j] = row[2 * n + q * inputs + j]
+            h_before = h
+            flips = 0
+            if fit == level and level + 1 < ex.LEVELS:
+                if gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION:
+                    level += 1
+            continue
+
+        # a Dormand-Prince step
+        h_before = 0.0
+        wanted = min(h_rk, h_max)
+        h = min(wanted, stop - t)
+        if rk_until > t:
+            h = min(h, rk_until - t)
+        if h < 4e-16 * max(abs(t), 1e-3):
+            status = STEP_TOO_SMALL
+            break
+        for i in range(n):
+            k[0, i] = y[n + i]
+            k[0, n + i] = a0[i]
+        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+        error = rk_error(k, h, n, z_tolerance, v_tolerance)
+        if not error <= 1.0:
+            h_rk = h * max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1 * h
+            continue
+        factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
+        last_error = max(error, 1e-4)
+        h_rk = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
+
+        start, end = base_motion(plant, t, segment), base_motion(plant, t + h, segment)
+        share, place, channel = find_event(
+            plant, h, start, end, y, y1, a0, k[6, n:], side, held, z_scale, v_scale
+        )
+        if share == 0.0:
+            if flips > 2 * side.size:
+                share = 2.0  # on a break and going along it: either branch gives the same motion
+            else:
+                flips += 1
+                events += 1
+                side[place] = -side[place]
+                if plant.break_jumps[place] == 1:
+                    try_to_hold(
+                        plant, t, segment, y, place, channel, side, held, stick_speed, force
+                    )
+                fresh = True
+                continue
+        flips = 0
+        let_go = -1
+        if share <= 1.0:
+            reach = break_tolerance(plant, place, z_scale, v_scale)
+            h = land(
+                plant, t, h, share, segment, y, k, side, held, y1, force, place, channel, reach
+            )
+        if holding:
+            margin, _ = held_margin(plant, t + h, segment, y1, side, held, force)
+            if margin < 0.0:
+                share = 2.0
+                h, let_go = land_on_release(
+                    plant, t, h, segment, y, k, side, held, y1, force
+                )
+
+        save_step(record, marks, steps, t, y, a0, k[6, n:], side, held)
+        steps += 1
+        t = stop if stop - (t + h) <= ROUNDING * max(abs(t), 1.0) else t + h
+        copy(y1, y)
+        copy(k[6, n:], a0)
+        copy(force, force0)
+        if share <= 1.0 or let_go >= 0:
+            fresh = True
+            rk_until, cap = -np.inf, np.inf
+            events += 1
+            in_window += 1
+            if t - window > 1.0:
+                window, in_window = t, 1
+            if in_window > max_rate:
+                status = CHATTERING
+                break
+            if let_go >= 0:
+                release(plant, t, segment, y, let_go, side, held, force)
+            else:
+                side[place] = -side[place]
+                if plant.break_jumps[place] == 1:
+                    try_to_hold(
+                        plant, t, segment, y, place, channel, side, held, stick_speed, force
+                    )
+    save_step(record, marks, steps, t, y, a0, a0, side, held)
+    return status, events, side, held, record[: steps + 1].copy(), marks[: steps + 1].copy()

@@ -1,0 +1,131 @@
+"""Compilation: one decorator for kernels, one function for user laws, one cache for both.
+
+Compiled code is kept in a per-user directory (so that a read-only installation works), apart for
+every version of the kernel sources, of numba and of Python. Writing is atomic, so several
+processes may start on a cold cache at once. Set SEATDYN_CACHE_DIR to keep it elsewhere.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import logging
+import os
+import platform
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import types
+
+logger = logging.getLogger("seatdyn")
+
+USER_LAW = types.float64(types.float64, types.float64, types.CPointer(types.float64))
+COMPILE_HINT_AFTER = 1.0  # s; a cached start is over by then
+
+
+@functools.cache
+def cache_directory() -> Path | None:
+    """Directory of compiled code for these sources, or None where nothing can be written."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    digest.update(f"{numba.__version__} {sys.version} {platform.machine()}".encode())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    roots = [os.environ.get("SEATDYN_CACHE_DIR"), os.environ.get("XDG_CACHE_HOME")]
+    home = os.environ.get("HOME") or os.environ.get("LOCALAPPDATA")
+    places = [Path(root) / "seatdyn" for root in roots if root]
+    places += [Path(home) / ".cache" / "seatdyn"] if home else []
+    for place in places:
+        try:
+            (place / name).mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(place / name, os.W_OK):
+            return place / name
+    return None
+
+
+def _compile(make: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """Decorate with the disk cache in our directory; without it where the cache is impossible."""
+    directory = cache_directory()
+    if directory is not None:
+        previous = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(directory)
+        try:
+            return make(function, cache=True)
+        except RuntimeError:  # a function without a source file, e.g. typed at a prompt
+            logger.debug("no disk cache for %s", function.__qualname__)
+        finally:
+            numba.config.CACHE_DIR = previous
+    return make(function, cache=False)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a top-level function on first use: cached on disk, without the interpreter lock."""
+
+    def make(f: Callable[..., Any], *, cache: bool) -> Any:
+        return numba.njit(f, cache=cache, nogil=True, error_model="numpy")
+
+    return _compile(make, function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a small function that is called in inner loops straight into its callers."""
+
+    def make(f: Callable[..., Any], *, cache: bool) -> Any:
+        return numba.njit(f, cache=cache, nogil=True, error_model="numpy", forceinline=True)
+
+    return _compile(make, function)
+
+
+@functools.cache
+def user_force(function: Callable[[float, float, Any], float], name: str) -> Any:
+    """Compile a user's law F(d, v, p) to a C function; `address` of the result is its address."""
+    from seatdyn.errors import ModelError
+
+    def make(f: Callable[..., Any], *, cache: bool) -> Any:
+        return numba.cfunc(USER_LAW, cache=cache)(f)
+
+    try:
+        return _compile(make, function)
+    except numba.core.errors.NumbaError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ModelError(
+            f"The force law {name!r} cannot be compiled: {reason} "
+            "Use numbers, the math module and plain control flow only."
+        ) from None
+
+
+def user_force_address(function: Callable[[float, float, Any], float], name: str) -> int:
+    """Address of the compiled user law."""
+    return int(user_force(function, name).address)
+
+
+class CompileNotice:
+    """Says through the log, once, that kernels are being compiled, if that takes noticeable time.
+
+    >>> with CompileNotice():
+    ...     pass
+    """
+
+    _said = False
+
+    def __enter__(self) -> None:
+        """Start the clock."""
+        self._timer = threading.Timer(COMPILE_HINT_AFTER, self._say)
+        self._timer.daemon = True
+        if not CompileNotice._said:
+            self._timer.start()
+
+    def __exit__(self, *_: object) -> None:
+        """Stop the clock; compiled code stays loaded, so later calls need no notice."""
+        self._timer.cancel()
+        CompileNotice._said = True
+
+    @staticmethod
+    def _say() -> None:
+        logger.warning("compiling the kernels (once per installation, about 15 s) ...")

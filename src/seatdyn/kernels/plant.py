@@ -1,0 +1,184 @@
+"""A system as flat arrays, and its accelerations at an instant."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.laws import law_force
+
+FREE = -1  # a channel that is not held at a jump
+
+
+class Plant(NamedTuple):
+    """N free nodes, m channels, e elements, b breaks, k input segments.
+
+    A break is a line displacement*d + velocity*v = value of one channel where a law jumps or has
+    a kink. A run keeps for each break the `side` (+1 or -1) that the state is on, and evaluates
+    laws on that side only, so that no step ever mixes two branches.
+    """
+
+    linear: np.ndarray  # (2N+2, N) accelerations per displacement, velocity, base x and v
+    pull: np.ndarray  # (N, m) acceleration lost per unit force of a channel
+    gain: np.ndarray  # (m, m) relative acceleration of channel i lost per unit force of channel j
+    first: np.ndarray  # (m,) node where the channel starts, -1 for the base
+    second: np.ndarray  # (m,) node where it ends, -1 for the base
+    element_start: np.ndarray  # (m+1,) elements of channel j: element_start[j] .. [j+1]
+    element_code: np.ndarray  # (e,)
+    element_offset: np.ndarray  # (e,) begin of its parameters
+    element_address: np.ndarray  # (e,) of a user law, else 0
+    element_jumps: np.ndarray  # (e,) 1 where the law jumps
+    parameters: np.ndarray
+    break_start: np.ndarray  # (m+1,) breaks of channel j
+    break_displacement: np.ndarray  # (b,)
+    break_velocity: np.ndarray  # (b,)
+    break_value: np.ndarray  # (b,)
+    break_jumps: np.ndarray  # (b,) 1 where a law jumps, 0 for a kink
+    segments: np.ndarray  # (k, 10) start, polynomial (6), sine: amplitude, omega, phase
+    sines: np.ndarray  # (n, 3)
+
+
+@inlined
+def base_motion(plant, t, segment):
+    """Base displacement, velocity and acceleration."""
+    p = plant.segments
+    k = segment
+    tau = t - p[k, 0]
+    x = p[k, 1] + tau * (
+        p[k, 2] + tau * (p[k, 3] + tau * (p[k, 4] + tau * (p[k, 5] + tau * p[k, 6])))
+    )
+    v = p[k, 2] + tau * (
+        2 * p[k, 3] + tau * (3 * p[k, 4] + tau * (4 * p[k, 5] + tau * 5 * p[k, 6]))
+    )
+    a = 2 * p[k, 3] + tau * (6 * p[k, 4] + tau * (12 * p[k, 5] + tau * 20 * p[k, 6]))
+    if p[k, 7] != 0.0:
+        omega, angle = p[k, 8], p[k, 8] * tau + p[k, 9]
+        sine = p[k, 7] * math.sin(angle)
+        x += sine
+        v += p[k, 7] * omega * math.cos(angle)
+        a -= omega * omega * sine
+    lasting = plant.sines
+    for i in range(lasting.shape[0]):
+        omega, angle = lasting[i, 1], lasting[i, 1] * t + lasting[i, 2]
+        sine = lasting[i, 0] * math.sin(angle)
+        x += sine
+        v += lasting[i, 0] * omega * math.cos(angle)
+        a -= omega * omega * sine
+    return x, v, a
+
+
+@kernel
+def segment_at(plant, t):
+    """Index of the input segment at time t."""
+    return max(np.searchsorted(plant.segments[:, 0], t, side="right") - 1, 0)
+
+
+@inlined
+def relative(plant, j, y, x0, v0):
+    """Displacement and velocity across channel j."""
+    n = y.size // 2
+    a, b = plant.first[j], plant.second[j]
+    d = (y[b] if b >= 0 else x0) - (y[a] if a >= 0 else x0)
+    v = (y[n + b] if b >= 0 else v0) - (y[n + a] if a >= 0 else v0)
+    return d, v
+
+
+@inlined
+def relative_acceleration(plant, j, acceleration, a0):
+    """Second derivative of the displacement across channel j."""
+    a, b = plant.first[j], plant.second[j]
+    return (acceleration[b] if b >= 0 else a0) - (acceleration[a] if a >= 0 else a0)
+
+
+@inlined
+def on_side(plant, j, d, v, side):
+    """Move (d, v) of channel j to the side of its jumps that the run is on, by one rounding."""
+    for r in range(plant.break_start[j], plant.break_start[j + 1]):
+        if plant.break_jumps[r] == 0:
+            continue
+        edge = np.nextafter(plant.break_value[r], side[r] * np.inf)
+        if plant.break_displacement[r] != 0.0:
+            d = max(d, edge) if side[r] > 0 else min(d, edge)
+        else:
+            v = max(v, edge) if side[r] > 0 else min(v, edge)
+    return d, v
+
+
+@inlined
+def channel_force(plant, j, d, v, side):
+    """Sum of the forces of the elements of channel j."""
+    d, v = on_side(plant, j, d, v, side)
+    total = 0.0
+    for e in range(plant.element_start[j], plant.element_start[j + 1]):
+        code, offset = plant.element_code[e], plant.element_offset[e]
+        total += law_force(code, d, v, plant.parameters, offset, plant.element_address[e])
+    return total
+
+
+@kernel
+def solve_small(matrix, rhs):
+    """Gauss elimination with pivoting, in place; for the few channels that stick at once."""
+    n = rhs.size
+    for i in range(n):
+        p = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[p, i]):
+                p = k
+        for c in range(n):
+            matrix[i, c], matrix[p, c] = matrix[p, c], matrix[i, c]
+        rhs[i], rhs[p] = rhs[p], rhs[i]
+        for k in range(i + 1, n):
+            f = matrix[k, i] / matrix[i, i]
+            for c in range(i, n):
+                matrix[k, c] -= f * matrix[i, c]
+            rhs[k] -= f * rhs[i]
+    for i in range(n - 1, -1, -1):
+        for c in range(i + 1, n):
+            rhs[i] -= matrix[i, c] * rhs[c]
+        rhs[i] /= matrix[i, i]
+
+
+@kernel
+def hold(plant, held, a0, acceleration, force):
+    """Forces that keep the held channels where they are (zero relative acceleration)."""
+    rows = np.nonzero(held >= 0)[0]
+    matrix, rhs = np.empty((rows.size, rows.size)), np.empty(rows.size)
+    for i in range(rows.size):
+        rhs[i] = relative_acceleration(plant, rows[i], acceleration, a0)
+        for k in range(rows.size):
+            matrix[i, k] = plant.gain[rows[i], rows[k]]
+    solve_small(matrix, rhs)
+    for i in range(rows.size):
+        force[rows[i]] = rhs[i]
+        for n in range(acceleration.size):
+            acceleration[n] -= plant.pull[n, rows[i]] * rhs[i]
+
+
+@kernel
+def accelerations(plant, base, y, side, held, acceleration, force):
+    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'].
+
+    base : base displacement, velocity, acceleration
+    """
+    n, m = acceleration.size, force.size
+    x0, v0, a0 = base
+    linear = plant.linear
+    for i in range(n):
+        acceleration[i] = linear[2 * n, i] * x0 + linear[2 * n + 1, i] * v0
+    for k in range(2 * n):
+        for i in range(n):
+            acceleration[i] += linear[k, i] * y[k]
+    holding = False
+    for j in range(m):
+        if held[j] >= 0:
+            holding = True
+            continue
+        d, v = relative(plant, j, y, x0, v0)
+        force[j] = channel_force(plant, j, d, v, side)
+        for i in range(n):
+            acceleration[i] -= plant.pull[i, j] * force[j]
+    if holding:
+        hold(plant, held, a0, acceleration, force)
