@@ -212,40 +212,37 @@ def _newton(
 def extrema(run: Run) -> tuple[dict[str, float], dict[str, float]]:
     """Maximum and minimum of every output over the run, one-sided limits at jumps included.
 
-    The run is one period of a periodic motion. Every step is looked at in 13 points; around each
-    extremum found the solution is looked at again on a finer grid, with a parabola through the
-    last three points.
+    The run is one period of a periodic motion. Every step is looked at in 13 points; then the step
+    of each extremum and its neighbours are looked at again on a finer grid, never across a jump.
     """
-    system, starts = run.problem.system, run.record[:, 0]
-    samples = run.in_steps(SHARES)
-    coarse = named_outputs(system, samples)
-    centres, spans = [], []
+    system, steps = run.problem.system, run.steps
+    coarse = named_outputs(system, run.in_steps(SHARES))
+    rows: list[int] = []
     for values in coarse.values():
         for place in (int(np.argmax(values)), int(np.argmin(values))):
             step = place // SHARES.size
-            around = starts[max(step - 1, 0) : step + 3]
-            centres.append(samples.time[place])
-            spans.append(np.diff(around).max() / (SHARES.size - 1))
-    offsets = np.linspace(-1.0, 1.0, REFINED)
-    time = np.array(centres)[:, None] + np.array(spans)[:, None] * offsets
-    period = starts[-1] - starts[0]
-    fine = named_outputs(system, run.at(starts[0] + np.mod(time.ravel() - starts[0], period)))
+            rows += [(step - 1) % steps, step, (step + 1) % steps]
+    shares = np.linspace(0.0, 1.0, REFINED)
+    samples = run.sample(np.repeat(rows, REFINED), np.tile(shares, len(rows)))
+    fine = named_outputs(system, samples)
     high, low = {}, {}
-    for i, (name, values) in enumerate(coarse.items()):
-        rows = fine[name].reshape(-1, REFINED)
-        high[name] = max(float(values.max()), _vertex(rows[2 * i]))
-        low[name] = min(float(values.min()), -_vertex(-rows[2 * i + 1]))
+    for i, (name, values) in enumerate(fine.items()):
+        by_step = values.reshape(-1, REFINED)[6 * i : 6 * i + 6]
+        high[name] = max(_vertex(row) for row in by_step[:3])
+        low[name] = -max(_vertex(-row) for row in by_step[3:])
     return high, low
 
 
 def _vertex(values: Array) -> float:
     """Maximum of equidistant values, by the parabola through the highest and its neighbours."""
     k = int(np.argmax(values))
-    if k in (0, values.size - 1):
+    middle = min(max(k, 1), values.size - 2)
+    left, centre, right = values[middle - 1 : middle + 2]
+    bend = left - 2 * centre + right
+    place = 0.5 * (left - right) / bend if bend < 0.0 else np.inf
+    if abs(place) > 1.0:
         return float(values[k])
-    left, middle, right = values[k - 1], values[k], values[k + 1]
-    bend = left - 2 * middle + right
-    return float(middle if bend == 0.0 else middle - (right - left) ** 2 / (8 * bend))
+    return float(max(values[k], centre - (right - left) ** 2 / (8 * bend)))
 
 
 def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
