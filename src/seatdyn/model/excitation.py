@@ -148,8 +148,8 @@ class Sine(Excitation):
     def __post_init__(self) -> None:
         """Check frequency and that exactly one level is given."""
         hint = "A motion at zero frequency has no finite displacement."
-        _set_number(self, "frequency", "Hz", above=0.0, hint=hint)
-        _set_number(self, "phase", "rad")
+        set_number(self, "frequency", "Hz", above=0.0, hint=hint)
+        set_number(self, "phase", "rad")
         peak_level(self)
 
     @property
@@ -203,12 +203,25 @@ class SineSum(Excitation):
         return Motion(sines=np.vstack([part.motion.sines for part in self.parts]))
 
 
-def _set_number(
-    obj: object, name: str, unit: str, *, above: float | None = None, hint: str = ""
+def set_number(
+    obj: object,
+    name: str,
+    unit: str,
+    *,
+    minimum: float = -math.inf,
+    above: float | None = None,
+    hint: str = "",
 ) -> None:
     """Check and convert one field of a frozen excitation."""
-    label = f"{type(obj).__name__}.{name}"
-    value = number(getattr(obj, name), label, unit, above=above, hint=hint, error=ExcitationError)
+    value = number(
+        getattr(obj, name),
+        f"{type(obj).__name__}.{name}",
+        unit,
+        minimum=minimum,
+        above=above,
+        hint=hint,
+        error=ExcitationError,
+    )
     object.__setattr__(obj, name, value)
 
 

@@ -1,0 +1,199 @@
+"""A measured base acceleration as excitation."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from seatdyn.errors import DriftWarning, ExcitationError
+from seatdyn.model.excitation import DEGREES, Array, Excitation, Motion
+from seatdyn.model.integration import end_at_rest, end_of, integrate_samples
+from seatdyn.units import number, suggestion
+
+FEWEST_SAMPLES = 8
+MOST_SAMPLES = 20_000_000
+UNEVEN = 1e-2  # of the sampling interval: a larger deviation is a gap
+GRAVITY = 9.80665
+UNITS = {"m/s2": 1.0, "g": GRAVITY}
+
+
+@dataclass(frozen=True)
+class Record(Excitation):
+    """Sampled base acceleration, interpolated by a cubic spline.
+
+    Parameters
+    ----------
+    samples : acceleration in m/s2, at least 8
+    rate : sampling rate in Hz; or give `time`
+    time : instants in s, evenly spaced within 1 % of the interval
+    mean : "remove" subtracts the mean acceleration; "keep" leaves it
+    drift : "compensate" adds the smallest smooth acceleration after which the base ends at rest at
+        zero; "keep" leaves final velocity and displacement, and warns
+    high_pass : cut-off in Hz of a zero-phase second-order Butterworth filter, or None. A long
+        record needs it: integration turns slow errors into large displacements.
+
+    After the record the base stays where it ended.
+    """
+
+    samples: Sequence[float] = field(repr=False)
+    rate: float | None = None
+    time: Sequence[float] | None = field(default=None, repr=False)
+    mean: Literal["remove", "keep"] = "remove"
+    drift: Literal["compensate", "keep"] = "compensate"
+    high_pass: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check samples, time base and options."""
+        for name, allowed in (("mean", ("remove", "keep")), ("drift", ("compensate", "keep"))):
+            if getattr(self, name) not in allowed:
+                raise ExcitationError(
+                    f"Record.{name} = {getattr(self, name)!r} is not allowed; "
+                    f"it must be {allowed[0]!r} or {allowed[1]!r}."
+                )
+        samples = np.asarray(self.samples, dtype=float).ravel()
+        if not FEWEST_SAMPLES <= samples.size <= MOST_SAMPLES:
+            raise ExcitationError(
+                f"Record.samples has {samples.size} samples; it must have "
+                f"{FEWEST_SAMPLES} to {MOST_SAMPLES}."
+            )
+        if not np.all(np.isfinite(samples)):
+            place = int(np.argmin(np.isfinite(samples)))
+            raise ExcitationError(
+                f"Record.samples[{place}] = {samples[place]} is not finite; "
+                "repair the record or cut it there."
+            )
+        object.__setattr__(self, "samples", samples)
+        if (self.rate is None) == (self.time is None):
+            raise ExcitationError("Record needs exactly one of rate (Hz) and time (s).")
+        if self.time is not None:
+            object.__setattr__(self, "rate", self._rate_of(np.asarray(self.time, dtype=float)))
+        number(self.rate, "Record.rate", "Hz", above=0.0, error=ExcitationError)
+        if self.high_pass is not None:
+            cut = number(
+                self.high_pass, "Record.high_pass", "Hz", above=0.0, error=ExcitationError
+            )
+            if cut >= float(self.rate or 0.0) / 2:
+                raise ExcitationError(
+                    f"Record.high_pass = {cut:g} Hz is not below half the sampling rate "
+                    f"({self.rate:g} Hz)."
+                )
+        if self.drift == "keep":
+            x, v = end_of(self._time, self._segments[0])
+            warnings.warn(
+                f"Record(drift='keep') ends with a velocity of {v:.4g} m/s and a displacement of "
+                f"{x:.4g} m.",
+                DriftWarning,
+                stacklevel=3,
+            )
+
+    def _rate_of(self, time: Array) -> float:
+        samples = np.asarray(self.samples)
+        if time.shape != samples.shape or not np.all(np.isfinite(time)):
+            raise ExcitationError(
+                f"Record.time must hold one finite instant for each of the {samples.size} samples."
+            )
+        steps = np.diff(time)
+        usual = float(np.median(steps))
+        wrong = (np.abs(steps - usual) > UNEVEN * abs(usual)) | (steps <= 0.0)
+        if np.any(wrong):
+            place = int(np.argmax(wrong))
+            raise ExcitationError(
+                f"Record.time has a gap after sample {place} (t = {time[place]:.6g} s): the step "
+                f"is {steps[place]:.4g} s, elsewhere {usual:.4g} s. Resample the record or cut it."
+            )
+        return (time.size - 1) / float(time[-1] - time[0])
+
+    @property
+    def _time(self) -> Array:
+        return np.arange(np.size(self.samples)) / float(self.rate or 1.0)
+
+    @cached_property
+    def _segments(self) -> tuple[Array, dict[str, float]]:
+        """Quintic segments and what was done to get them."""
+        samples, notes = np.array(self.samples), {}
+        if self.mean == "remove":
+            notes["mean_removed_m_per_s2"] = float(samples.mean())
+            samples = samples - samples.mean()
+        if self.high_pass is not None:
+            from scipy.signal import butter, sosfiltfilt
+
+            sections = butter(2, self.high_pass, "highpass", fs=self.rate, output="sos")
+            samples = sosfiltfilt(sections, samples)
+            notes["high_pass_Hz"] = self.high_pass
+        if self.drift == "keep":
+            return integrate_samples(self._time, samples), notes
+        segments, addition = end_at_rest(self._time, samples)
+        notes["compensating_acceleration_m_per_s2"] = float(np.abs(addition).max())
+        return segments, notes
+
+    @property
+    def notes(self) -> dict[str, float]:
+        """Mean removed, filter, largest compensating acceleration."""
+        return self._segments[1]
+
+    def lower(self) -> Motion:
+        """A segment per sample, and the state that the record ends in."""
+        x, v = end_of(self._time, self._segments[0])
+        after = np.zeros(DEGREES)
+        if self.drift == "keep":
+            after[:2] = x, v
+        rows = np.vstack([self._segments[0], after])
+        return Motion(self._time, rows, np.zeros((rows.shape[0], 3)))
+
+
+def read_record(
+    path: str | Path,
+    column: str,
+    *,
+    time: str = "time",
+    unit: Literal["m/s2", "g"] = "m/s2",
+    mean: Literal["remove", "keep"] = "remove",
+    drift: Literal["compensate", "keep"] = "compensate",
+    high_pass: float | None = None,
+) -> Record:
+    """Read a base acceleration from a CSV file with a header line.
+
+    Parameters
+    ----------
+    path : CSV file, comma separated
+    column : header of the acceleration
+    time : header of the instants in s
+    unit : of the acceleration
+    mean, drift, high_pass : see `Record`
+
+    Raises
+    ------
+    ExcitationError
+        Missing, empty or unreadable file, unknown column (with a suggestion), text in a number.
+    """
+    file = Path(path)
+    if unit not in UNITS:
+        raise ExcitationError(f"unit = {unit!r} is not allowed; it must be one of {list(UNITS)}.")
+    if not file.is_file():
+        raise ExcitationError(f"Record file {str(path)!r} does not exist.")
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        names = [name.strip() for name in lines.readline().split(",")]
+        for name in (time, column):
+            if name not in names:
+                hint = suggestion(name, [n for n in names if n] or ["(no header)"])
+                raise ExcitationError(f"Record file {str(path)!r} has no column {name!r}. {hint}")
+        try:
+            wanted = [names.index(time), names.index(column)]
+            data = np.loadtxt(lines, delimiter=",", usecols=wanted, ndmin=2)
+        except ValueError as error:
+            raise ExcitationError(f"Record file {str(path)!r} cannot be read: {error}.") from None
+    if data.shape[0] == 0:
+        raise ExcitationError(f"Record file {str(path)!r} has a header and no samples.")
+    return Record(
+        data[:, 1] * UNITS[unit],
+        time=data[:, 0],
+        mean=mean,
+        drift=drift,
+        high_pass=high_pass,
+    )
