@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.run import Run, Samples
+from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, ON_VELOCITY, VALUE
 from seatdyn.kernels import dense
 
 Array = NDArray[np.float64]
@@ -24,7 +25,11 @@ GAUSS_POTENTIAL = np.polynomial.legendre.leggauss(20)
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Works in J over the run; `residual` is what does not add up, relative to the throughput."""
+    """Works in J over the run; `residual` is what does not add up, relative to the throughput.
+
+    The throughput is the integral of the absolute powers, or the energy stored at the begin or the
+    end where that is more (free vibration).
+    """
 
     change: float
     base_work: float
@@ -54,7 +59,7 @@ def energy_balance(run: Run) -> EnergyBalance:
         base_work=float(measure @ base),
         dissipated=float(measure @ dissipation),
         feedback_work=float(measure @ feedback),
-        throughput=float(measure @ rates),
+        throughput=max(float(measure @ rates), float(np.abs(energies).max())),
     )
 
 
@@ -76,13 +81,13 @@ def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
     on_base = z @ linear.passive_stiffness[-1] + v @ linear.passive_damping[-1] + active[:, -1]
     plant = run.problem.plant
     for j in range(len(system.channels)):
-        elements = slice(plant.element_start[j], plant.element_start[j + 1])
+        elements = slice(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS])
         force, elastic = samples.force[:, elements], samples.elastic[:, elements]
-        speed = v[:, plant.second[j]] - v[:, plant.first[j]]
+        speed = v[:, plant.channels[j, SECOND]] - v[:, plant.channels[j, FIRST]]
         dissipation = dissipation + (force - elastic).sum(1) * speed
-        if plant.first[j] < 0:
+        if plant.channels[j, FIRST] < 0:
             on_base = on_base - force.sum(1)
-        if plant.second[j] < 0:
+        if plant.channels[j, SECOND] < 0:
             on_base = on_base + force.sum(1)
     return on_base * samples.base[1], dissipation, feedback
 
@@ -94,8 +99,8 @@ def stored_energy(run: Run, samples: Samples) -> Array:
     moving = v[:, :-1]
     energy = 0.5 * np.einsum("pi,ij,pj->p", moving, linear.mass, moving)
     energy = energy + 0.5 * np.einsum("pi,ij,pj->p", z, linear.passive_stiffness, z)
-    for j in range(plant.first.size):
-        d = z[:, plant.second[j]] - z[:, plant.first[j]]
+    for j in range(plant.gain.shape[0]):
+        d = z[:, plant.channels[j, SECOND]] - z[:, plant.channels[j, FIRST]]
         energy = energy + np.array([_potential(run, j, float(x)) for x in d])
     return np.asarray(energy)
 
@@ -103,9 +108,9 @@ def stored_energy(run: Run, samples: Samples) -> Array:
 def _potential(run: Run, j: int, d: float) -> float:
     """Integral of the elastic force of channel j from 0 to d, split at its breaks and knots."""
     plant = run.problem.plant
-    rows = slice(plant.break_start[j], plant.break_start[j + 1])
-    on_d = plant.break_velocity[rows] == 0.0
-    edges = plant.break_value[rows][on_d]
+    rows = slice(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS])
+    on_d = plant.breaks[rows, ON_VELOCITY] == 0.0
+    edges = plant.breaks[rows, VALUE][on_d]
     low, high = min(0.0, d), max(0.0, d)
     inside = edges[(edges > low) & (edges < high)]
     places = np.unique(np.concatenate([[low], inside, np.linspace(low, high, 9), [high]]))

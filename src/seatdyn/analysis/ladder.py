@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.exponential import LEVELS, NODES, Ladder
 from seatdyn.kernels.plant import Plant
 
@@ -27,7 +28,7 @@ TAYLOR_TERMS = 14
 
 def make_ladder(plant: Plant, longest: float) -> Ladder:
     """Propagators of `plant` for steps `longest` * 2**-(LEVELS-1) ... `longest` (s)."""
-    n, m = plant.linear.shape[1], plant.first.size
+    n, m = plant.linear.shape[1], plant.gain.shape[0]
     inputs = m + 2
     size = 2 * n + POINTS * inputs
     augmented = np.zeros((size, size))
@@ -60,26 +61,27 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
         :, None
     ]
     by_coefficient = tables[..., 2 * n :].reshape(LEVELS, POINTS - 1, 2 * n, POINTS, inputs)
-    by_node = np.einsum("lirkp,lkq->lirqp", by_coefficient, per_step, optimize=True)
+    by_node = per_step.swapaxes(1, 2)[:, None, None] @ by_coefficient
     rows = np.concatenate(
         [tables[..., : 2 * n], by_node.reshape(LEVELS, POINTS - 1, 2 * n, -1)], axis=-1
     ).swapaxes(-1, -2)  # (L, 4, 2N + 5p, 2N)
 
     across = np.zeros((2 * n, 2 * m))
     for j in range(m):
-        for node, sign in ((plant.first[j], -1.0), (plant.second[j], 1.0)):
+        for node, sign in ((plant.channels[j, FIRST], -1.0), (plant.channels[j, SECOND], 1.0)):
             if node >= 0:
                 across[node, j] += sign
                 across[n + node, m + j] += sign
 
     legendre = np.polynomial.legendre.legvander(2 * NODES - 1, POINTS - 1)
-    last_two = [POINTS - 2, POINTS - 1]
-    response = np.einsum("lrqp,qk->lkpr", by_node[:, -1], legendre[:, last_two], optimize=True)
+    effects = [0, 3]
+    # from the coefficients to the end state, (L, 2N, k, p) -> (L, k, p, 2N)
+    response = np.moveaxis(legendre[:, effects].T @ by_node[:, -1], 1, -1)
     relative = (rows @ across).swapaxes(1, 2).reshape(LEVELS, rows.shape[2], -1)
     return Ladder(
         step=steps,
         advance=np.ascontiguousarray(rows[:, [1, 3]]),
         relative=np.ascontiguousarray(relative),
-        to_legendre=np.ascontiguousarray(np.linalg.inv(legendre)[last_two]),
+        to_legendre=np.ascontiguousarray(np.linalg.inv(legendre)[2:]),
         response=np.ascontiguousarray(np.abs(response)),
     )

@@ -63,21 +63,19 @@ def lower(system: SeatSystem, motion: Motion) -> Plant:
         ),
         pull=np.ascontiguousarray(pull),
         gain=np.ascontiguousarray(incidence.T @ pull),
-        first=first,
-        second=second,
-        element_start=_starts(laws),
-        element_code=np.array([law.code for law in flat], dtype=np.int64),
-        element_offset=offsets.astype(np.int64),
-        element_address=np.array([law.address for law in flat], dtype=np.int64),
-        element_jumps=np.array(
-            [any(spot.jumps for spot in law.breaks) for law in flat], dtype=np.int64
-        ),
+        channels=np.column_stack([np.append(first, 0), np.append(second, 0), _starts(laws), _starts(breaks)]),
+        elements=np.array(
+            [
+                (law.code, offset, law.address, any(spot.jumps for spot in law.breaks))
+                for law, offset in zip(flat, offsets, strict=True)
+            ],
+            dtype=np.int64,
+        ).reshape(-1, 4),
         parameters=np.array([*parameters, 0.0]),
-        break_start=_starts(breaks),
-        break_displacement=np.array([spot.displacement for spot in rows], dtype=float),
-        break_velocity=np.array([spot.velocity for spot in rows], dtype=float),
-        break_value=np.array([spot.value for spot in rows], dtype=float),
-        break_jumps=np.array([spot.jumps for spot in rows], dtype=np.int64),
+        breaks=np.array(
+            [(spot.displacement, spot.velocity, spot.value, spot.jumps) for spot in rows],
+            dtype=float,
+        ).reshape(-1, 4),
         segments=np.column_stack([motion.starts, motion.polynomials, motion.segment_sines]),
         sines=np.ascontiguousarray(motion.sines),
     )

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("seatdyn")
 
 LONGEST_LADDER_STEP = 0.1  # s
+MOST_SEGMENTS = 16  # of an input that the ladder is used for
 PIECE = 30.0  # s of a long run between two reports of progress
 SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
 SMALLEST_SCALE = (1e-6, 1e-5)  # m and m/s: the same for a base at rest
@@ -46,7 +47,8 @@ class Settings:
     stick_speed : m/s below which a channel may be held at a jump of its force
     max_events_per_second : more than these end the run with status `chattering`
     max_steps : of one run
-    method : "ladder" (linear part exact) or "runge-kutta" (Dormand-Prince alone)
+    method : "ladder" (linear part exact) or "runge-kutta" (Dormand-Prince alone); a sampled input,
+        where every step ends at a sample, is always run by the latter
     """
 
     rtol: float = 1e-8
@@ -153,6 +155,11 @@ class Problem:
         ladder = make_ladder(plant, longest)
         return cls(system, motion, settings, plant, ladder, longest)
 
+    @property
+    def uses_ladder(self) -> bool:
+        """Whether steps with the linear part exact are taken."""
+        return self.settings.method == "ladder" and self.motion.starts.size <= MOST_SEGMENTS
+
     @cached_property
     def floor(self) -> tuple[float, float]:
         """Sizes of displacement (m) and velocity (m/s) below which errors are absolute."""
@@ -164,8 +171,8 @@ class Problem:
 
     def start(self, y: Array) -> State:
         """A state whose branches are still to be read from its displacements and velocities."""
-        side = np.zeros(self.plant.break_value.size, dtype=np.int64)
-        held = np.full(self.plant.first.size, FREE, dtype=np.int64)
+        side = np.zeros(self.plant.breaks.shape[0], dtype=np.int64)
+        held = np.full(self.plant.gain.shape[0], FREE, dtype=np.int64)
         return State(np.array(y, dtype=float), side, held)
 
     def run(
@@ -187,7 +194,7 @@ class Problem:
                 code, count, side, held, record, mark = integrate.integrate(
                     self.plant,
                     self.ladder,
-                    settings.method == "ladder",
+                    self.uses_ladder,
                     float(begin),
                     float(stop),
                     state.y,

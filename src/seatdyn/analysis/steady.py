@@ -253,7 +253,7 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     if orbit.run is None or orbit.status is not Status.CONVERGED:
         empty = Samples(
             np.zeros(0), np.zeros((3, 0)), *(np.zeros((0, system.linear.size)) for _ in range(3)),
-            *(np.zeros((0, problem.plant.element_code.size)) for _ in range(2)),
+            *(np.zeros((0, problem.plant.elements.shape[0])) for _ in range(2)),
         )  # fmt: skip
         names = list(named_outputs(system, empty))
         nan: dict[str, Any] = {

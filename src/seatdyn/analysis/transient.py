@@ -23,6 +23,7 @@ from seatdyn.analysis.outputs import (
 )
 from seatdyn.analysis.run import Problem, Run, Samples, Settings
 from seatdyn.errors import ExtrapolationWarning, RequestError
+from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels import dense
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import SeatSystem
@@ -175,10 +176,10 @@ def equilibrium(problem: Problem) -> Array:
     def unbalanced(z: Array) -> Array:
         force = linear.stiffness @ z - linear.drive_stiffness * x0
         extended = np.append(z, x0)
-        for j in range(plant.first.size):
-            d = extended[plant.second[j]] - extended[plant.first[j]]
+        for j in range(plant.gain.shape[0]):
+            d = extended[plant.channels[j, SECOND]] - extended[plant.channels[j, FIRST]]
             pull = dense.element_forces(plant, j, np.array([d]), np.zeros(1)).sum()
-            for node, sign in ((plant.second[j], 1.0), (plant.first[j], -1.0)):
+            for node, sign in ((plant.channels[j, SECOND], 1.0), (plant.channels[j, FIRST], -1.0)):
                 if node >= 0:
                     force[node] += sign * pull
         return np.asarray(force)
@@ -265,7 +266,7 @@ def run_attributes(run: Run, system: SeatSystem, excitation: Excitation) -> dict
         "steps": run.steps,
         "events": run.events,
         "rtol": settings.rtol,
-        "method": settings.method,
+        "method": "ladder" if run.problem.uses_ladder else "runge-kutta",
         "seatdyn_version": seatdyn.__version__,
         "inputs": json.dumps(
             {"system": repr(system), "excitation": repr(excitation), "notes": excitation.notes}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.columns import ELEMENTS, CODE, OFFSET, ADDRESS, JUMPS
 from seatdyn.kernels.jit import kernel
 from seatdyn.kernels.laws import law_force
 from seatdyn.kernels.plant import accelerations, base_motion, on_side, relative, segment_at
@@ -32,8 +33,8 @@ def sample(plant, record, marks, index, share):
     Returns displacements, velocities, accelerations (p, N), element forces (p, e), and the element
     forces at the same displacement and zero velocity (p, e).
     """
-    n, m, count = plant.linear.shape[1], plant.first.size, index.size
-    breaks, elements = plant.break_value.size, plant.element_code.size
+    n, m, count = plant.linear.shape[1], plant.gain.shape[0], index.size
+    breaks, elements = plant.breaks.shape[0], plant.elements.shape[0]
     z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
     forces, elastic = np.empty((count, elements)), np.empty((count, elements))
     y, force = np.empty(2 * n), np.zeros(m)
@@ -51,13 +52,13 @@ def sample(plant, record, marks, index, share):
             d, speed = relative(plant, j, y, base[0], base[1])
             d, speed = on_side(plant, j, d, speed, side)
             total, jumper = 0.0, -1
-            for e in range(plant.element_start[j], plant.element_start[j + 1]):
-                code, offset = plant.element_code[e], plant.element_offset[e]
-                address = plant.element_address[e]
+            for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+                code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
+                address = plant.elements[e, ADDRESS]
                 forces[p, e] = law_force(code, d, speed, plant.parameters, offset, address)
                 elastic[p, e] = law_force(code, d, 0.0, plant.parameters, offset, address)
                 total += forces[p, e]
-                if plant.element_jumps[e] == 1:
+                if plant.elements[e, JUMPS] == 1:
                     jumper = e
             if held[j] >= 0 and jumper >= 0:
                 # held at a jump: the element that jumps carries whatever balances
@@ -69,12 +70,12 @@ def sample(plant, record, marks, index, share):
 @kernel
 def element_forces(plant, j, d, v):
     """Forces (p, e) of the elements of channel j at displacements d and velocities v (p,)."""
-    begin, end = plant.element_start[j], plant.element_start[j + 1]
+    begin, end = plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]
     result = np.empty((d.size, end - begin))
     for e in range(begin, end):
-        code, offset = plant.element_code[e], plant.element_offset[e]
+        code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
         for p in range(d.size):
             result[p, e - begin] = law_force(
-                code, d[p], v[p], plant.parameters, offset, plant.element_address[e]
+                code, d[p], v[p], plant.parameters, offset, plant.elements[e, ADDRESS]
             )
     return result

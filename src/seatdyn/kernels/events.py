@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.columns import BREAKS, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.jit import inlined, kernel
 from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
 
@@ -16,10 +17,10 @@ def distance(plant, r, j, y, base, acceleration, side):
     """Signed distance g of the state to break r of channel j (g >= 0 on our side), g', g''."""
     d, v = relative(plant, j, y, base[0], base[1])
     a = relative_acceleration(plant, j, acceleration, base[2])
-    p, q = plant.break_displacement[r], plant.break_velocity[r]
+    p, q = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY]
     s = side[r]
     # the second derivative is only used where the break does not depend on the velocity
-    return s * (p * d + q * v - plant.break_value[r]), s * (p * v + q * a), s * p * a
+    return s * (p * d + q * v - plant.breaks[r, VALUE]), s * (p * v + q * a), s * p * a
 
 
 @inlined
@@ -91,10 +92,10 @@ def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
     d, v = relative(plant, j, y, base[0], base[1])
-    if plant.break_displacement[r] != 0.0:
-        d, v = plant.break_value[r], 0.0
+    if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
+        d, v = plant.breaks[r, VALUE], 0.0
     else:
-        v = plant.break_value[r]
+        v = plant.breaks[r, VALUE]
     trial = side.copy()
     trial[r] = -1
     below = channel_force(plant, j, d, v, trial)
@@ -105,14 +106,14 @@ def one_sided_forces(plant, r, j, y, base, side):
 @kernel
 def sides_of(plant, y, base, acceleration, side):
     """Set the side of every break from the state: by value, then velocity, then acceleration."""
-    for j in range(plant.first.size):
+    for j in range(plant.gain.shape[0]):
         d, v = relative(plant, j, y, base[0], base[1])
         a = relative_acceleration(plant, j, acceleration, base[2])
-        for r in range(plant.break_start[j], plant.break_start[j + 1]):
-            p, q = plant.break_displacement[r], plant.break_velocity[r]
-            g = p * d + q * v - plant.break_value[r]
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            p, q = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY]
+            g = p * d + q * v - plant.breaks[r, VALUE]
             if g == 0.0:
                 g = p * v + q * a
             if g == 0.0:
-                g = -np.sign(plant.break_value[r])
+                g = -np.sign(plant.breaks[r, VALUE])
             side[r] = 1 if g > 0.0 else -1

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.columns import ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import one_sided_forces
 from seatdyn.kernels.jit import kernel
 from seatdyn.kernels.plant import FREE, accelerations, base_motion, relative
@@ -19,7 +20,7 @@ def held_margin(plant, t, segment, y, side, held, force):
     """Smallest distance of a holding force to the ends of its jump, and its channel."""
     base = base_motion(plant, t, segment)
     worst, channel = np.inf, -1
-    for j in range(plant.first.size):
+    for j in range(plant.gain.shape[0]):
         if held[j] >= 0:
             below, above = one_sided_forces(plant, held[j], j, y, base, side)
             margin = min(force[j] - below, above - force[j])
@@ -34,7 +35,7 @@ def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
     n = y.size // 2
     base = base_motion(plant, t, segment)
     _, v = relative(plant, j, y, base[0], base[1])
-    on_velocity = plant.break_displacement[r] == 0.0
+    on_velocity = plant.breaks[r, ON_DISPLACEMENT] == 0.0
     if not on_velocity and abs(v) > stick_speed:
         return
     below, above = one_sided_forces(plant, r, j, y, base, side)
@@ -45,7 +46,7 @@ def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
     if not below <= force[j] <= above:
         held[j] = FREE
         return
-    excess = (v - plant.break_value[r]) if on_velocity else v
+    excess = (v - plant.breaks[r, VALUE]) if on_velocity else v
     for i in range(n):
         y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.columns import BREAKS, ON_DISPLACEMENT, ON_VELOCITY, VALUE, IS_JUMP
 from seatdyn.kernels import exponential as ex
 from seatdyn.kernels.events import distance, first_zero, sides_of
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
@@ -31,13 +32,13 @@ OVERSHOOT = 1.02  # a landing step reaches a little beyond the break that it is 
 def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
     """Earliest break met in the step: share of the step (2 if none), its row and channel."""
     best, row, channel = 2.0, -1, -1
-    for j in range(plant.first.size):
-        for r in range(plant.break_start[j], plant.break_start[j + 1]):
+    for j in range(plant.gain.shape[0]):
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
             if held[j] == r:
                 continue
             g0, s0, c0 = distance(plant, r, j, y, base, a, side)
             g1, s1, c1 = distance(plant, r, j, y1, base1, a1, side)
-            curved = plant.break_velocity[r] == 0.0
+            curved = plant.breaks[r, ON_VELOCITY] == 0.0
             tolerance = 4 * break_tolerance(plant, r, z_scale, v_scale)
             share = first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance)
             if share < best:
@@ -48,8 +49,8 @@ def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale
 @kernel
 def break_tolerance(plant, r, z_scale, v_scale):
     """Distance to break r that counts as being on it."""
-    p, q = abs(plant.break_displacement[r]), abs(plant.break_velocity[r])
-    return ROUNDING * (p * z_scale + q * v_scale + abs(plant.break_value[r]))
+    p, q = abs(plant.breaks[r, ON_DISPLACEMENT]), abs(plant.breaks[r, ON_VELOCITY])
+    return ROUNDING * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
 
 
 @kernel
@@ -149,7 +150,7 @@ def integrate(
     and a last row with the final time and state; and marks, a row each with sides (b) and held
     breaks (m).
     """
-    n, m = plant.linear.shape[1], plant.first.size
+    n, m = plant.linear.shape[1], plant.gain.shape[0]
     capacity = 256
     record = np.empty((capacity, 1 + 4 * n))
     marks = np.empty((capacity, side.size + m), np.int64)
@@ -160,7 +161,7 @@ def integrate(
     inputs = m + 2
     row, before, base = np.zeros(2 * n + 5 * inputs), np.zeros((5, m)), np.empty((5, 3))
     known, motion, tolerance = np.empty(8 * m), np.empty(8 * m), np.empty(m)
-    weights, ratio = np.empty((5, 5)), 0.0
+    weights, ratio, scratch = np.empty((5, 5)), 0.0, np.empty(2 * n)
     side, held = side.copy(), held.copy()
     t = t0
     segment = segment_at(plant, t)
@@ -212,7 +213,7 @@ def integrate(
             marks = grow(marks, np.empty((longer, marks.shape[1]), np.int64))
 
         fit = level
-        room = min((stop - t) * (1 + 4 * ROUNDING), cap)
+        room = min(stop - t + ROUNDING * max(abs(t), 1.0), cap)
         while fit >= 0 and ladder.step[fit] > room:
             fit -= 1
         if use_ladder and not holding and fit >= 0 and t >= rk_until:
@@ -247,7 +248,7 @@ def integrate(
                 continue
             ex.carry(ladder.advance[fit, 0], row, ym)
             ex.carry(ladder.advance[fit, 1], row, y1)
-            truncation = ex.truncation(ladder, fit, row, z_tolerance, v_tolerance)
+            truncation = ex.truncation(ladder, fit, row, scratch, z_tolerance, v_tolerance)
             start = (base[0, 0], base[0, 1], base[0, 2])
             middle = (base[2, 0], base[2, 1], base[2, 2])
             end = (base[4, 0], base[4, 1], base[4, 2])
@@ -326,7 +327,7 @@ def integrate(
                 flips += 1
                 events += 1
                 side[place] = -side[place]
-                if plant.break_jumps[place] == 1:
+                if plant.breaks[place, IS_JUMP] == 1:
                     try_to_hold(
                         plant, t, segment, y, place, channel, side, held, stick_speed, force
                     )
@@ -367,7 +368,7 @@ def integrate(
                 release(plant, t, segment, y, let_go, side, held, force)
             else:
                 side[place] = -side[place]
-                if plant.break_jumps[place] == 1:
+                if plant.breaks[place, IS_JUMP] == 1:
                     try_to_hold(
                         plant, t, segment, y, place, channel, side, held, stick_speed, force
                     )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, CODE, OFFSET, ADDRESS, ON_DISPLACEMENT, VALUE, IS_JUMP
 from seatdyn.kernels.jit import inlined, kernel
 from seatdyn.kernels.laws import law_force
 
@@ -24,19 +25,10 @@ class Plant(NamedTuple):
     linear: np.ndarray  # (2N+2, N) accelerations per displacement, velocity, base x and v
     pull: np.ndarray  # (N, m) acceleration lost per unit force of a channel
     gain: np.ndarray  # (m, m) relative acceleration of channel i lost per unit force of channel j
-    first: np.ndarray  # (m,) node where the channel starts, -1 for the base
-    second: np.ndarray  # (m,) node where it ends, -1 for the base
-    element_start: np.ndarray  # (m+1,) elements of channel j: element_start[j] .. [j+1]
-    element_code: np.ndarray  # (e,)
-    element_offset: np.ndarray  # (e,) begin of its parameters
-    element_address: np.ndarray  # (e,) of a user law, else 0
-    element_jumps: np.ndarray  # (e,) 1 where the law jumps
+    channels: np.ndarray  # (m+1, 4) int: nodes (-1 is the base), begin of its elements and breaks
+    elements: np.ndarray  # (e, 4) int: code, begin of its parameters, address of a user law, jumps
     parameters: np.ndarray
-    break_start: np.ndarray  # (m+1,) breaks of channel j
-    break_displacement: np.ndarray  # (b,)
-    break_velocity: np.ndarray  # (b,)
-    break_value: np.ndarray  # (b,)
-    break_jumps: np.ndarray  # (b,) 1 where a law jumps, 0 for a kink
+    breaks: np.ndarray  # (b, 4) displacement, velocity, value, 1 where a law jumps and 0 for a kink
     segments: np.ndarray  # (k, 10) start, polynomial (6), sine: amplitude, omega, phase
     sines: np.ndarray  # (n, 3)
 
@@ -80,7 +72,7 @@ def segment_at(plant, t):
 def relative(plant, j, y, x0, v0):
     """Displacement and velocity across channel j."""
     n = y.size // 2
-    a, b = plant.first[j], plant.second[j]
+    a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
     d = (y[b] if b >= 0 else x0) - (y[a] if a >= 0 else x0)
     v = (y[n + b] if b >= 0 else v0) - (y[n + a] if a >= 0 else v0)
     return d, v
@@ -89,18 +81,18 @@ def relative(plant, j, y, x0, v0):
 @inlined
 def relative_acceleration(plant, j, acceleration, a0):
     """Second derivative of the displacement across channel j."""
-    a, b = plant.first[j], plant.second[j]
+    a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
     return (acceleration[b] if b >= 0 else a0) - (acceleration[a] if a >= 0 else a0)
 
 
 @inlined
 def on_side(plant, j, d, v, side):
     """Move (d, v) of channel j to the side of its jumps that the run is on, by one rounding."""
-    for r in range(plant.break_start[j], plant.break_start[j + 1]):
-        if plant.break_jumps[r] == 0:
+    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+        if plant.breaks[r, IS_JUMP] == 0:
             continue
-        edge = np.nextafter(plant.break_value[r], side[r] * np.inf)
-        if plant.break_displacement[r] != 0.0:
+        edge = np.nextafter(plant.breaks[r, VALUE], side[r] * np.inf)
+        if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
             d = max(d, edge) if side[r] > 0 else min(d, edge)
         else:
             v = max(v, edge) if side[r] > 0 else min(v, edge)
@@ -112,9 +104,9 @@ def channel_force(plant, j, d, v, side):
     """Sum of the forces of the elements of channel j."""
     d, v = on_side(plant, j, d, v, side)
     total = 0.0
-    for e in range(plant.element_start[j], plant.element_start[j + 1]):
-        code, offset = plant.element_code[e], plant.element_offset[e]
-        total += law_force(code, d, v, plant.parameters, offset, plant.element_address[e])
+    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+        code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
+        total += law_force(code, d, v, plant.parameters, offset, plant.elements[e, ADDRESS])
     return total
 
 

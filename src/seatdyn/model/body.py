@@ -90,7 +90,7 @@ class SeatedBody:
     ----------
     name : identifier
     masses : node name -> mass in kg, > 0; the node ``"seat"`` may be named too: a mass that moves
-        rigidly with the seat surface (>= 0)
+        rigidly with the seat surface (>= 0); alone it is an inert load
     links : springs and dampers between nodes, in any topology
     feedback : active forces; their gains may act on absolute motions, so that the body need be
         neither translation nor velocity invariant
@@ -116,7 +116,7 @@ class SeatedBody:
                 masses[node] = number(value, label, "kg", minimum=0.0)
             else:
                 masses[node] = number(value, label, "kg", above=0.0)
-        if not [node for node in masses if node != SEAT]:
+        if not any(masses.values()):
             raise ModelError(f"SeatedBody({self.name!r}) has no mass; name at least one.")
         object.__setattr__(self, "masses", masses)
         object.__setattr__(self, "links", tuple(self.links))
@@ -173,7 +173,8 @@ class SeatedBody:
 
 def node_pair(value: Any, label: str) -> tuple[str, str]:
     """Return a checked pair of different node names."""
-    if isinstance(value, str) or len(value) != 2 or value[0] == value[1]:
+    is_list = isinstance(value, list | tuple)
+    if not is_list or len(value) != 2 or value[0] == value[1]:
         raise ModelError(f"{label} = {value!r} is not allowed; it must name two different nodes.")
     return (str(value[0]), str(value[1]))
 
@@ -217,8 +218,15 @@ def load_body(name: str | Path) -> SeatedBody:
         return body_from_dict(tomllib.loads(content.decode("utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"Body file {text!r} is not valid TOML: {error}.") from None
-    except (KeyError, TypeError) as error:
-        raise ModelError(f"Body file {text!r}: field {error} is missing or misspelt.") from None
+    except KeyError as error:
+        raise ModelError(
+            f"Body file {text!r}: the field {error} is missing or misspelt. A body needs name, "
+            "masses and links."
+        ) from None
+    except (TypeError, AttributeError) as error:
+        raise ModelError(
+            f"Body file {text!r} has a field that is unknown or of the wrong kind: {error}."
+        ) from None
 
 
 def body_from_dict(data: Mapping[str, Any]) -> SeatedBody:

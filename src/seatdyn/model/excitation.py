@@ -69,9 +69,12 @@ class Motion:
 
     @property
     def longest_step(self) -> float:
-        """Step in s that cannot overlook the fastest lasting sine."""
+        """Step in s that cannot overlook the fastest sine, and that fits evenly spaced segments."""
         fastest = float(np.max(np.abs(self.sines[:, 1]), initial=0.0))
-        return math.pi / 4 / fastest if fastest else math.inf
+        limit = math.pi / 4 / fastest if fastest else math.inf
+        lengths = np.diff(self.starts)
+        usual = float(np.median(lengths)) if lengths.size else math.inf
+        return min(limit, usual)
 
 
 def _sine(a: Array, omega: Array, phase: Array, t: Array, derivative: int) -> Array:

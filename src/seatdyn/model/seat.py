@@ -26,8 +26,11 @@ class Seat:
     def __post_init__(self) -> None:
         """Check the mass and that the suspension is a list of elements."""
         validated(self)
-        if isinstance(self.suspension, Element):
-            raise ModelError("Seat.suspension must be a list of elements, not one element.")
+        if not isinstance(self.suspension, list | tuple):
+            raise ModelError(
+                f"Seat.suspension = {self.suspension!r} must be a list of elements, "
+                "such as [Spring(9950.0), Damper(260.0)]."
+            )
         object.__setattr__(self, "suspension", tuple(self.suspension))
         for element in self.suspension:
             if not isinstance(element, Element):

@@ -46,7 +46,10 @@ class TableElement(NonlinearElement):
         return Law(code, tuple(float(p) for p in parameters), limits=limits)
 
     def _points(self, name: str, values: object) -> np.ndarray:
-        points = np.asarray(values, dtype=float).ravel()
+        try:
+            points = np.asarray(values, dtype=float).ravel()
+        except (TypeError, ValueError):
+            raise ModelError(f"{self.name}.{name} must be a list of numbers.") from None
         if points.size < SMALLEST_TABLE:
             raise ModelError(f"{self.name}.{name} has {points.size} points; give at least two.")
         if not np.all(np.isfinite(points)):

@@ -1,0 +1,6 @@
+"""`python -m seatdyn`."""
+
+from seatdyn.app.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,10 @@
+"""Names of the columns of the tables in a `Plant`."""
+
+from __future__ import annotations
+
+# channels: node where it starts and ends, begin of its elements and breaks in their tables
+FIRST, SECOND, ELEMENTS, BREAKS = 0, 1, 2, 3
+# elements: law, begin of its parameters, address of a user law, whether the law jumps
+CODE, OFFSET, ADDRESS, JUMPS = 0, 1, 2, 3
+# breaks: on the line displacement*d + velocity*v = value, whether a law jumps there
+ON_DISPLACEMENT, ON_VELOCITY, VALUE, IS_JUMP = 0, 1, 2, 3
