@@ -94,9 +94,9 @@ def test_refusals(tmp_path):
         sd.plot(unstable)
     with pytest.raises(sd.OutputError, match="no known kind of result"):
         sd.plot(xr.Dataset({"x": ("t", [1.0])}))
-    with pytest.raises(sd.OutputError, match="int is no xarray.Dataset"):
+    with pytest.raises(sd.OutputError, match=r"int is no xarray.Dataset"):
         sd.plot(3)
-    with pytest.raises(sd.OutputError, match="must end in .png or .svg or .pdf"):
+    with pytest.raises(sd.OutputError, match=r"must end in \.png or \.svg or \.pdf"):
         sd.plot(sd.poles(SYSTEM), tmp_path / "x.jpg")
 
 

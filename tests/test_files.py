@@ -151,10 +151,10 @@ def test_what_cannot_be_loaded(tmp_path):
     with pytest.raises(sd.OutputError, match="is not a readable netCDF-4 file"):
         sd.load(tmp_path / "half.nc")
     xr.Dataset({"x": ("t", [1.0])}).to_netcdf(tmp_path / "foreign.nc", engine="h5netcdf")
-    with pytest.raises(sd.OutputError, match="was not written by seatdyn.save; open it with"):
+    with pytest.raises(sd.OutputError, match=r"was not written by seatdyn.save; open it with"):
         sd.load(tmp_path / "foreign.nc")
 
 
 def test_only_datasets_are_saved(tmp_path):
-    with pytest.raises(sd.OutputError, match="list is no xarray.Dataset"):
+    with pytest.raises(sd.OutputError, match=r"list is no xarray.Dataset"):
         sd.save([1.0], tmp_path / "x.nc")

@@ -78,8 +78,10 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     # from the coefficients to the end state, (L, 2N, k, p) -> (L, k, p, 2N)
     response = np.moveaxis(legendre[:, effects].T @ by_node[:, -1], 1, -1)
     relative = (rows @ across).swapaxes(1, 2).reshape(LEVELS, rows.shape[2], -1)
+    angle = steps[:, None, None] * NODES[:, None] * plant.sines[:, 1]
     return Ladder(
         step=steps,
+        turn=np.stack([np.cos(angle), np.sin(angle)], axis=-1),
         advance=np.ascontiguousarray(rows[:, [1, 3]]),
         relative=np.ascontiguousarray(relative),
         to_legendre=np.ascontiguousarray(np.linalg.inv(legendre)[2:]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import warnings
@@ -15,7 +16,7 @@ from typer.core import TyperGroup
 import seatdyn
 from seatdyn.app import linear, response
 from seatdyn.app.options import OutputOptions, option, spread
-from seatdyn.app.show import progress_bar, say, write_json, write_line, write_table
+from seatdyn.app.show import Messages, progress_bar, say, write_json, write_line, write_table
 from seatdyn.errors import SeatdynError, SeatdynWarning
 
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 1
@@ -28,6 +29,8 @@ class Commands(TyperGroup):
         """Run, and leave with 0 (result), 2 (bad input), 3 (no valid result) or 130 (Ctrl-C)."""
         extra |= {"standalone_mode": False, "prog_name": "seatdyn"}
         code: int | None
+        messages = Messages(logging.WARNING)
+        logging.getLogger("seatdyn").addHandler(messages)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("always", SeatdynWarning)
@@ -43,6 +46,10 @@ class Commands(TyperGroup):
             code = BAD_INPUT
         except (KeyboardInterrupt, typer.Abort):
             code = INTERRUPTED
+        except SystemError as error:
+            if not _is_interrupt(error):
+                raise
+            code = INTERRUPTED
         except Exception as error:
             # the class of usage errors has moved between versions of typer; its method has not
             if not hasattr(error, "format_message"):
@@ -51,6 +58,8 @@ class Commands(TyperGroup):
             usage = f" See `{context.command_path} --help`." if context else ""
             say(f"error: {error.format_message().rstrip('.')}.{usage}")
             code = BAD_INPUT
+        finally:
+            logging.getLogger("seatdyn").removeHandler(messages)
         if code == INTERRUPTED:
             say("interrupted; nothing was finished")
         sys.exit(code or 0)
@@ -68,6 +77,13 @@ app = typer.Typer(
 def main() -> None:
     """Entry point of `seatdyn`."""
     app()
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: out of compiled code it comes wrapped in SystemErrors."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:

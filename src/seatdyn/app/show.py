@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,6 +25,14 @@ LARGEST_TABLE = 24  # rows for people; --json has them all
 def say(message: str) -> None:
     """Print one message on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+class Messages(logging.Handler):
+    """Passes on what the library logs, such as that kernels are being compiled."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the bare message."""
+        say(record.getMessage())
 
 
 def plain(value: Any) -> Any:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import kernel
-from seatdyn.kernels.plant import base_motion, channel_force
+from seatdyn.kernels.plant import channel_force, linear_accelerations, segment_motion
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
 NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
@@ -25,6 +26,7 @@ class Ladder(NamedTuple):
     """
 
     step: np.ndarray  # (L,) s
+    turn: np.ndarray  # (L, 5, n, 2) cosine and sine of the angle of each lasting sine to the nodes
     advance: np.ndarray  # (L, 2, 2N + 5p, 2N) to the middle and the end of the step
     relative: np.ndarray  # (L, 2N + 5p, 8m) to motions across channels at node 1: d, v; node 2: ...
     to_legendre: np.ndarray  # (3, 5) second to fourth Legendre coefficient of nodal values
@@ -45,14 +47,35 @@ def prediction(ratio, weights):
 
 
 @kernel
-def place_base(plant, t, h, segment, row, base):
+def place_base(plant, turn, t, h, segment, row, base):
     """Write the base motion at the nodes into `row`, and (x, v, a) at the nodes into `base`."""
     p = plant.gain.shape[0] + 2
     first = row.size - 5 * p
+    lasting = plant.sines
     for q in range(5):
-        base[q, 0], base[q, 1], base[q, 2] = base_motion(plant, t + NODES[q] * h, segment)
+        base[q, 0], base[q, 1], base[q, 2] = segment_motion(plant, t + NODES[q] * h, segment)
+    for i in range(lasting.shape[0]):
+        omega, angle = lasting[i, 1], lasting[i, 1] * t + lasting[i, 2]
+        sine, cosine = lasting[i, 0] * math.sin(angle), lasting[i, 0] * math.cos(angle)
+        for q in range(5):
+            x = sine * turn[q, i, 0] + cosine * turn[q, i, 1]
+            base[q, 0] += x
+            base[q, 1] += omega * (cosine * turn[q, i, 0] - sine * turn[q, i, 1])
+            base[q, 2] -= omega * omega * x
+    for q in range(5):
         row[first + q * p + p - 2] = base[q, 0]
         row[first + q * p + p - 1] = base[q, 1]
+
+
+@kernel
+def accelerations_at(plant, base, q, row, y, acceleration):
+    """Accelerations at node q, where the state is y and the channel forces stand in `row`."""
+    m = plant.gain.shape[0]
+    linear_accelerations(plant, (base[q, 0], base[q, 1], base[q, 2]), y, acceleration)
+    place = row.size - (5 - q) * (m + 2)
+    for j in range(m):
+        for i in range(acceleration.size):
+            acceleration[i] -= plant.pull[i, j] * row[place + j]
 
 
 @kernel

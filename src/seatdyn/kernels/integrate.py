@@ -20,9 +20,10 @@ from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
 LARGEST = 1e9  # m or m/s: no seat moves that far
-ROUNDING = 1e-13
+ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion
 REFINEMENTS = 40
 FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
+LANDING = 5e-3  # s, the same for the steps that land on a break
 START_LEVEL = ex.LEVELS - 4
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 100, 1 / 300  # errors that allow a doubled step
 OVERSHOOT = 1.02  # a landing step reaches a little beyond the break that it is to find
@@ -48,16 +49,17 @@ def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale
 
 @kernel
 def break_tolerance(plant, r, z_scale, v_scale):
-    """Distance to break r that counts as being on it."""
+    """Distance to break r that counts as being on it; a kink does no harm at first order."""
     p, q = abs(plant.breaks[r, ON_DISPLACEMENT]), abs(plant.breaks[r, ON_VELOCITY])
-    return ROUNDING * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
+    share = ROUNDING if plant.breaks[r, IS_JUMP] == 1 else KINK
+    return share * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
 
 
 @kernel
-def land(plant, t, h, share, segment, y, k, side, held, y1, force, row, channel, tolerance):
-    """Repeat the step so that it ends on break `row`; returns its size."""
+def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, channel, tolerance):
+    """Take a step of about `trial` s (at most `high`) that ends on break `row`; returns its size."""
     n = y.size // 2
-    low, high, trial = 0.0, h, share * h
+    low, h = 0.0, trial
     for _ in range(REFINEMENTS):
         h = trial
         rk_step(plant, t, h, segment, y, k, side, held, y1, force)
@@ -179,6 +181,7 @@ def integrate(
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level = START_LEVEL
     h_before = 0.0  # size of the ladder step before, if its forces can be extrapolated
+    longest_landing = LANDING  # step that the error control has let reach a break
     cap = np.inf  # largest ladder step before a break that has been seen ahead
     rk_until = -np.inf  # Dormand-Prince steps up to here, to land on a break
     fresh = True  # accelerations at the start have to be computed
@@ -216,10 +219,11 @@ def integrate(
         room = min(stop - t + ROUNDING * max(abs(t), 1.0), cap)
         while fit >= 0 and ladder.step[fit] > room:
             fit -= 1
+        accepted, goal = False, 0.0  # goal: time to a break that the ladder step met
         if use_ladder and not holding and fit >= 0 and t >= rk_until:
             h = ladder.step[fit]
             copy(y, row)
-            ex.place_base(plant, t, h, segment, row, base)
+            ex.place_base(plant, ladder.turn[fit], t, h, segment, row, base)
             converged = True
             if m > 0:
                 if h_before > 0.0 and h / h_before != ratio:
@@ -252,8 +256,8 @@ def integrate(
             start = (base[0, 0], base[0, 1], base[0, 2])
             middle = (base[2, 0], base[2, 1], base[2, 2])
             end = (base[4, 0], base[4, 1], base[4, 2])
-            accelerations(plant, middle, ym, side, held, am, force)
-            accelerations(plant, end, y1, side, held, a1, force)
+            ex.accelerations_at(plant, base, 2, row, ym, am)
+            ex.accelerations_at(plant, base, 4, row, y1, a1)
             gap = ex.interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
             if not max(truncation, gap) <= 1.0:
                 level = fit - 1
@@ -271,12 +275,16 @@ def integrate(
                 )
                 reach = 0.5 * h * (1.0 + share)
             if share <= 1.0:
-                if reach > 2 * h_rk and 0.9 * reach > ladder.step[0]:
-                    cap = 0.9 * reach  # first a smaller step of the ladder towards the break
-                else:
-                    rk_until = t + OVERSHOOT * reach + ladder.step[0]  # then land on it
                 h_before = 0.0
-                continue
+                if reach > longest_landing and 0.9 * reach > ladder.step[0]:
+                    cap = 0.9 * reach  # first a smaller step of the ladder towards the break
+                    continue
+                if reach <= ROUNDING * max(abs(t), 1.0):
+                    rk_until = t + ladder.step[0]  # on the break already
+                    continue
+                goal = reach
+            accepted = goal == 0.0
+        if accepted:
             cap = np.inf
             save_step(record, marks, steps, t, y, a0, am, side, held)
             save_step(record, marks, steps + 1, t + 0.5 * h, ym, am, a1, side, held)
@@ -284,10 +292,11 @@ def integrate(
             t = stop if stop - (t + h) <= ROUNDING * max(abs(t), 1.0) else t + h
             copy(y1, y)
             copy(a1, a0)
-            copy(force, force0)
             for q in range(5):
                 for j in range(m):
                     before[q, j] = row[2 * n + q * inputs + j]
+            for j in range(m):
+                force0[j] = before[4, j]
             h_before = h
             flips = 0
             if fit == level and level + 1 < ex.LEVELS:
@@ -295,7 +304,7 @@ def integrate(
                     level += 1
             continue
 
-        # a Dormand-Prince step
+        # a Dormand-Prince step, or one that lands on the break
         h_before = 0.0
         wanted = min(h_rk, h_max)
         h = min(wanted, stop - t)
@@ -307,39 +316,56 @@ def integrate(
         for i in range(n):
             k[0, i] = y[n + i]
             k[0, n + i] = a0[i]
-        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
-        error = rk_error(k, h, n, z_tolerance, v_tolerance)
-        if not error <= 1.0:
-            h_rk = h * max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1 * h
-            continue
-        factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
-        last_error = max(error, 1e-4)
-        h_rk = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
-
-        start, end = base_motion(plant, t, segment), base_motion(plant, t + h, segment)
-        share, place, channel = find_event(
-            plant, h, start, end, y, y1, a0, k[6, n:], side, held, z_scale, v_scale
-        )
-        if share == 0.0:
-            if flips > 2 * side.size:
-                share = 2.0  # on a break and going along it: either branch gives the same motion
-            else:
-                flips += 1
-                events += 1
-                side[place] = -side[place]
-                if plant.breaks[place, IS_JUMP] == 1:
-                    try_to_hold(
-                        plant, t, segment, y, place, channel, side, held, stick_speed, force
-                    )
-                fresh = True
-                continue
-        flips = 0
-        let_go = -1
-        if share <= 1.0:
+        if goal > 0.0:
+            high = min(OVERSHOOT * goal + ladder.step[0], stop - t)
             reach = break_tolerance(plant, place, z_scale, v_scale)
             h = land(
-                plant, t, h, share, segment, y, k, side, held, y1, force, place, channel, reach
+                plant, t, goal, high, segment, y, k, side, held, y1, force, place, channel, reach
             )
+            share = 1.0
+            error = rk_error(k, h, n, z_tolerance, v_tolerance)
+            if not error <= 1.0:
+                longest_landing = 0.7 * h
+                if 0.7 * h > ladder.step[0]:
+                    cap = 0.7 * h
+                else:
+                    rk_until = t + high
+                continue
+            longest_landing = max(longest_landing, h * min(2.0, 0.8 * max(error, 1e-10) ** -0.2))
+        else:
+            rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+            error = rk_error(k, h, n, z_tolerance, v_tolerance)
+            if not error <= 1.0:
+                h_rk = h * max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1 * h
+                continue
+            factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
+            last_error = max(error, 1e-4)
+            h_rk = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
+            start, end = base_motion(plant, t, segment), base_motion(plant, t + h, segment)
+            share, place, channel = find_event(
+                plant, h, start, end, y, y1, a0, k[6, n:], side, held, z_scale, v_scale
+            )
+            if share == 0.0:
+                if flips > 2 * side.size:
+                    share = 2.0  # going along a break: either branch gives the same motion
+                else:
+                    flips += 1
+                    events += 1
+                    side[place] = -side[place]
+                    if plant.breaks[place, IS_JUMP] == 1:
+                        try_to_hold(
+                            plant, t, segment, y, place, channel, side, held, stick_speed, force
+                        )
+                    fresh = True
+                    continue
+            if share <= 1.0:
+                reach = break_tolerance(plant, place, z_scale, v_scale)
+                h = land(
+                    plant, t, share * h, h, segment, y, k, side, held, y1, force, place, channel,
+                    reach,
+                )
+        flips = 0
+        let_go = -1
         if holding:
             margin, _ = held_margin(plant, t + h, segment, y1, side, held, force)
             if margin < 0.0:
@@ -348,8 +374,9 @@ def integrate(
                     plant, t, h, segment, y, k, side, held, y1, force
                 )
 
-        save_step(record, marks, steps, t, y, a0, k[6, n:], side, held)
-        steps += 1
+        if t + h > t:
+            save_step(record, marks, steps, t, y, a0, k[6, n:], side, held)
+            steps += 1
         t = stop if stop - (t + h) <= ROUNDING * max(abs(t), 1.0) else t + h
         copy(y1, y)
         copy(k[6, n:], a0)

@@ -34,10 +34,9 @@ class Plant(NamedTuple):
 
 
 @inlined
-def base_motion(plant, t, segment):
-    """Base displacement, velocity and acceleration."""
+def segment_motion(plant, t, k):
+    """Displacement, velocity and acceleration of segment k of the base motion."""
     p = plant.segments
-    k = segment
     tau = t - p[k, 0]
     x = p[k, 1] + tau * (
         p[k, 2] + tau * (p[k, 3] + tau * (p[k, 4] + tau * (p[k, 5] + tau * p[k, 6])))
@@ -52,6 +51,13 @@ def base_motion(plant, t, segment):
         x += sine
         v += p[k, 7] * omega * math.cos(angle)
         a -= omega * omega * sine
+    return x, v, a
+
+
+@inlined
+def base_motion(plant, t, segment):
+    """Base displacement, velocity and acceleration."""
+    x, v, a = segment_motion(plant, t, segment)
     lasting = plant.sines
     for i in range(lasting.shape[0]):
         omega, angle = lasting[i, 1], lasting[i, 1] * t + lasting[i, 2]
@@ -149,6 +155,18 @@ def hold(plant, held, a0, acceleration, force):
             acceleration[n] -= plant.pull[n, rows[i]] * rhs[i]
 
 
+@inlined
+def linear_accelerations(plant, base, y, acceleration):
+    """Fill the accelerations (N,) of the linear part alone."""
+    n = acceleration.size
+    linear = plant.linear
+    for i in range(n):
+        acceleration[i] = linear[2 * n, i] * base[0] + linear[2 * n + 1, i] * base[1]
+    for k in range(2 * n):
+        for i in range(n):
+            acceleration[i] += linear[k, i] * y[k]
+
+
 @kernel
 def accelerations(plant, base, y, side, held, acceleration, force):
     """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'].
@@ -156,21 +174,15 @@ def accelerations(plant, base, y, side, held, acceleration, force):
     base : base displacement, velocity, acceleration
     """
     n, m = acceleration.size, force.size
-    x0, v0, a0 = base
-    linear = plant.linear
-    for i in range(n):
-        acceleration[i] = linear[2 * n, i] * x0 + linear[2 * n + 1, i] * v0
-    for k in range(2 * n):
-        for i in range(n):
-            acceleration[i] += linear[k, i] * y[k]
+    linear_accelerations(plant, base, y, acceleration)
     holding = False
     for j in range(m):
         if held[j] >= 0:
             holding = True
             continue
-        d, v = relative(plant, j, y, x0, v0)
+        d, v = relative(plant, j, y, base[0], base[1])
         force[j] = channel_force(plant, j, d, v, side)
         for i in range(n):
             acceleration[i] -= plant.pull[i, j] * force[j]
     if holding:
-        hold(plant, held, a0, acceleration, force)
+        hold(plant, held, base[2], acceleration, force)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +102,7 @@ def render(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    with rc_context(RC):
+    with rc_context(cast(Any, RC)):
         figure = draw()
         FigureCanvasAgg(figure)
         png, svg = io.BytesIO(), io.BytesIO()

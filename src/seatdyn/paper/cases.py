@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from seatdyn.model.system import SeatSystem
 from seatdyn.paper.laws import offset_coulomb, offset_quadratic
 from seatdyn.paper.tables import OUTPUTS, Array, group_columns, printed_table
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 BODIES = ("ksiazek1997_back_off", "ksiazek1997_back_on")
 SEAT_MASS = 35.0  # m_0, kg
 STIFFNESS = 9950.0  # c_m, N/m
@@ -36,6 +40,8 @@ AMPLITUDE = 0.8857  # m/s2 peak, from the linear rows; the paper states 0.686 r.
 STATED_RMS = 0.686  # m/s2
 PRINTED_ZONE = (0.02, 0.01)  # b_1, b_2 of formula (3), m
 READ_ZONE = (0.01, 0.01)  # m, that fits Tables 3 and 4
+TOLERANCE = 1e-9  # of the steady state, relative
+ENERGY_RESIDUAL = 1e-6  # of the throughput
 # Groups of Table 6 that carry the velocity offset; those of Table 5 do not.
 OFFSET_GROUPS = {6: ("displacement", "relative"), 7: None, 8: None}
 
@@ -135,9 +141,7 @@ class Case:
     def system(self) -> SeatSystem:
         """Body, seat and law; the linear system where the parameter is zero."""
         element = law(self.parameter, self.value, self.zone, self.offset) if self.value else None
-        return paper_system(
-            self.back_on, element, damping=self.damping, stiffness=self.stiffness
-        )
+        return paper_system(self.back_on, element, damping=self.damping, stiffness=self.stiffness)
 
     @property
     def excitation(self) -> Sine:
@@ -145,18 +149,30 @@ class Case:
         return Sine(self.frequency, amplitude=self.amplitude)
 
 
-@cache
-def amplitudes(case: Case) -> tuple[float, ...]:
-    """Steady amplitudes of the 14 columns; computed once for each case of a run.
+def solve(system: SeatSystem, excitation: Sine, *, tolerance: float = TOLERANCE) -> xr.Dataset:
+    """Steady state that may be compared with the print.
 
     Raises
     ------
     RequestError
-        There is no steady state: nothing of it may be compared with the print.
+        There is no steady state, or its energy does not balance.
     """
-    data = steady_state(case.system, case.excitation)
+    data = steady_state(system, excitation, tolerance=tolerance)
     if data.attrs["status"] != "converged":
-        raise RequestError(f"{case}: {data.attrs['message']}")
+        raise RequestError(f"{system} at {excitation}: {data.attrs['message']}")
+    residual = data.attrs["energy_residual"]
+    if not residual <= ENERGY_RESIDUAL:  # NaN must not pass
+        raise RequestError(
+            f"{system} at {excitation}: the energy balance has a residual of {residual:.2g} of the "
+            f"throughput (at most {ENERGY_RESIDUAL:g}); the result is not to be used. Report it."
+        )
+    return data
+
+
+@cache
+def amplitudes(case: Case) -> tuple[float, ...]:
+    """Steady amplitudes of the 14 columns; computed once for each case of a run."""
+    data = solve(case.system, case.excitation)
     return tuple(data.amplitude.sel(output=list(OUTPUTS)).values.tolist())
 
 

@@ -53,7 +53,10 @@ def sign_sets() -> Claim:
     for model, found in worst.items():
         numbers[model] = {"as_printed": found[0][0], "next_best": found[1][0]}
         numbers[model]["best_is_printed"] = found[0][1] == _printed_signs(model)
-    good = all(n["best_is_printed"] and n["as_printed"] < 0.01 < 0.02 < n["next_best"] for n in numbers.values())
+    good = all(
+        n["best_is_printed"] and n["as_printed"] < 0.01 < 0.02 < n["next_best"]
+        for n in numbers.values()
+    )
     texts = [
         f"{model}: {100 * n['as_printed']:.2f} %, next best set {100 * n['next_best']:.0f} %"
         for model, n in numbers.items()
@@ -100,9 +103,9 @@ def critical_points() -> Claim:
     single = all(len(v) == 1 for v in (*back_on.values(), *back_off.values()))
     return Claim(
         "stability",
-        "Back-on is unstable below a seat mass of 20.8 to 31.1 kg (damping 2 to 12 times 260 N s/m);"
-        " back-off, stable according to the paper, is unstable below 2.1, 27.4, 70.5, 207 N s/m at "
-        "0.1, 1, 2, 4 c_m and 35 kg.",
+        "Back-on is unstable below a seat mass of 20.8 to 31.1 kg (damping 2 to 12 times 260 N "
+        "s/m); back-off, stable according to the paper, is unstable below 2.1, 27.4, 70.5, 207 N "
+        "s/m at 0.1, 1, 2, 4 c_m and 35 kg.",
         f"Back-on: one critical mass each, {min(masses):.4f} to {max(masses):.4f} kg. Back-off: "
         + ", ".join(f"{value:.4f}" for value in dampings)
         + " N s/m, that is "
@@ -116,5 +119,3 @@ def critical_points() -> Claim:
 def _critical(system: SeatSystem, vary: str, low: float, high: float) -> list[float]:
     found = critical_values(system, vary=vary, low=low, high=high)
     return [float(v) for v in found["value"].values[found["verdict_changes"].values]]
-
-

@@ -25,7 +25,7 @@ from seatdyn.paper.cases import (
 )
 from seatdyn.paper.claims_text import Claim
 from seatdyn.paper.deviations import group_statistics, relative_deviation
-from seatdyn.paper.fits import Fit, fit, fit_case, solve
+from seatdyn.paper.fits import Fit, fit, fit_case, solve_roughly
 from seatdyn.paper.laws import dead_zone_coulomb, saturating_coulomb, tanh_coulomb
 from seatdyn.paper.tables import GROUPS, OUTPUTS, TABLES, group_columns, printed_table
 
@@ -62,7 +62,7 @@ def linear_rows() -> Claim:
         + "without displacements. Ours over print for m2: "
         + ", ".join(f"{ratio:.3f}" for ratio in m2)
         + ".",
-        "confirmed" if 0.883 < min(levels) and max(levels) < 0.889 else "not confirmed",
+        "confirmed" if min(levels) > 0.883 and max(levels) < 0.889 else "not confirmed",
         {f"table{n:02d}": {**f.values, "rms": f.rms} for n, f in fits.items()},
     )
 
@@ -121,8 +121,8 @@ def velocity_offset() -> Claim:
         ]
     return Claim(
         "velocity_offset",
-        "The argument of (5) is shifted by A/ω, the mean of a base velocity that is integrated from "
-        "zero: fitted row by row the shift is 0.087 to 0.091 m/s.",
+        "The argument of (5) is shifted by A/ω, the mean of a base velocity that is integrated "
+        "from zero: fitted row by row the shift is 0.087 to 0.091 m/s.",
         "; ".join(parts) + ".",
         "confirmed" if good else "not confirmed",
         numbers,
@@ -167,22 +167,29 @@ def two_runs_in_table_6() -> Claim:
         computed = compute_table(6, reading)
         rms[reading.name] = [group_statistics(table, computed, g)["rms"] for g in MOTION]
     found = {
-        number: fit(number, {"frequency": 1.579}, columns=group_columns(*MOTION), rows=rows, fixed={"drift": 1.0})
+        number: fit(
+            number,
+            {"frequency": 1.579},
+            columns=group_columns(*MOTION),
+            rows=rows,
+            fixed={"drift": 1.0},
+        )
         for number, rows in ((6, FEW_ROWS), (8, (0, 3, 6, 9)))
     }
     exact = float(poles(paper_system(True)).f0.values.min())
     return Claim(
         "table_6",
-        "The displacement columns of Table 6 carry the offset A/ω (0.18 % r.m.s. at 1.579 Hz, 4.1 % "
-        "without it), its accelerations and forces do not.",
+        "The displacement columns of Table 6 carry the offset A/ω (0.18 % r.m.s. at 1.579 Hz, 4.1 "
+        "% without it), its accelerations and forces do not.",
         f"Displacement and relative displacement: {percent(rms['as_printed'][0])} and "
         f"{percent(rms['as_printed'][1])} without, {percent(rms['as_read'][0])} and "
-        f"{percent(rms['as_read'][1])} with offset at 1.58 Hz, {percent(rms['as_read_1.579_hz'][0])}"
-        f" and {percent(rms['as_read_1.579_hz'][1])} at 1.579 Hz. The columns themselves ask for "
+        f"{percent(rms['as_read'][1])} with offset at 1.58 Hz, "
+        f"{percent(rms['as_read_1.579_hz'][0])} and {percent(rms['as_read_1.579_hz'][1])} at 1.579 "
+        "Hz. The columns themselves ask for "
         f"{found[6].text('frequency')} Hz (Table 8: {found[8].text('frequency')} Hz); the undamped "
-        f"frequency of Table 2 is {exact:.4f} Hz before rounding. So 1.58 Hz is a rounded number (9.92 "
-        "rad/s would be 1.5788 Hz), and it alone brings the relative displacements of Tables 6 and "
-        "8 above 0.3 %.",
+        f"frequency of Table 2 is {exact:.4f} Hz before rounding. So 1.58 Hz is a rounded number "
+        "(9.92 rad/s would be 1.5788 Hz), and it alone lifts the relative displacements of Tables "
+        "6 and 8 above 0.3 %.",
         "refined",
         {"rms": rms, "fitted_Hz": {f"table{n:02d}": f.values for n, f in found.items()}},
     )
@@ -202,16 +209,18 @@ def free_zone() -> Claim:
         best = fit(number, start, columns=range(len(OUTPUTS)), rows=(2, 6, 11))
         numbers[table.key] = {**rms, "best": best.values, "best_rms": best.rms}
         texts.append(
-            f"T{number}: {percent(rms['as_printed'])} as printed, {percent(rms['as_read'])} with "
-            f"±0.01 m, best pair −{best.values['bump']:.4f} … +{best.values['rebound']:.4f} m (3 rows)"
+            f"T{number}: {percent(rms['as_printed'])} as printed, {percent(rms['as_read'])} "
+            f"with ±0.01 m, best pair −{best.values['bump']:.4f} … "
+            f"+{best.values['rebound']:.4f} m (3 rows)"
         )
     last = printed_table(4).values[11, 1]
     xb2 = [float(compute_table(4, r)[11, 1] / last - 1.0) for r in (AS_PRINTED, AS_READ)]
     return Claim(
         "free_zone",
-        "The free zone of (3) is about −0.01 … +0.01 m and not −0.02 … +0.01 m; what decides is the "
-        "acceleration of m2 in Table 4 at γ = 1000 N/m (17 % off as printed, −0.1 % then).",
-        "; ".join(texts) + f". That cell: {percent(xb2[0])} as printed, {percent(xb2[1])} then. Table 3 hardly tells what the lower end is; Table 4 does.",
+        "The free zone of (3) is about −0.01 … +0.01 m and not −0.02 … +0.01 m; what decides is "
+        "the acceleration of m2 in Table 4 at γ = 1000 N/m (17 % off as printed, −0.1 % then).",
+        "; ".join(texts) + f". That cell: {percent(xb2[0])} as printed, {percent(xb2[1])} then. "
+        "Table 3 hardly tells what the lower end is; Table 4 does.",
         "confirmed",
         numbers | {"table04_gamma_1000_xb2": xb2},
     )
@@ -226,7 +235,7 @@ def form_that_jumps() -> Claim:
             for row in (2, 6, 11):
                 gamma = float(table.rows[row])
                 element = PiecewiseSpring(gamma, *zone, jumping=False)
-                computed = solve(fit_case(number, gamma, {}), element)
+                computed = solve_roughly(fit_case(number, gamma, {}), element)
                 low[name].append(float(computed[-1] / table.values[row, -1] - 1.0))
     texts = [
         f"{percent(max(values), 0)} to {percent(min(values), 0)} ({name})"
@@ -234,8 +243,8 @@ def form_that_jumps() -> Claim:
     ]
     return Claim(
         "jump",
-        "The force jumps to γ d at the end of the free zone; the continuous form γ (d − b) gives an "
-        "F_γ that is 33 to 45 % low.",
+        "The force jumps to γ d at the end of the free zone; the continuous form γ (d − b) gives "
+        "an F_γ that is 33 to 45 % low.",
         f"Continuous form, free zone by reading: {', '.join(texts)}. Excluded with either zone.",
         "confirmed" if max(max(values) for values in low.values()) < -0.2 else "not confirmed",
         {"F_gamma": low},
@@ -275,7 +284,7 @@ def displacements_of_table_5() -> Claim:
         "; ".join(texts)
         + ". Acceleration over displacement of the seat would mean "
         + f"{apparent.min():.3f} to {apparent.max():.3f} Hz if both were of one run. With β₁ as "
-        "printed a stiffer suspension (about 12 100 N/m) leaves less than the factor on β₁; neither "
+        "printed a stiffer suspension (about 12 100 N/m) leaves less than a factor on β₁; neither "
         "number occurs in the paper. The cause stays open.",
         "open",
         {name: {**f.values, "rms": f.rms} for name, f in fits.items()},

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FACTORS = (0.1, 1.0, 2.0, 4.0)  # of c_m
 # Ranges of seat mass (kg) and of damping over 260 N s/m shown, by back-on.
 RANGES = {True: (45.0, 24.0), False: (100.0, 1.2)}
-PLACES = {True: {"N": (8.0, 8.0), "S": (37.0, 16.0)}, False: {"N": (30.0, 0.04), "S": (70.0, 0.9)}}
+PLACES = {True: {"N": (8.0, 8.0), "S": (37.0, 16.0)}, False: {"N": (8.0, 0.075), "S": (70.0, 0.9)}}
 GRID = 240
 FREQUENCIES = np.linspace(0.02, 60.0, 60_000)  # Hz, along the boundary
 

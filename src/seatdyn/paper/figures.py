@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatdyn.analysis.steady import steady_state
 from seatdyn.output.style import label, legend_below, line, marker, new_figure
 from seatdyn.paper.cases import (
     AMPLITUDE,
@@ -20,6 +19,7 @@ from seatdyn.paper.cases import (
     PRINTED_ZONE,
     READ_ZONE,
     Case,
+    solve,
 )
 from seatdyn.paper.figure_stability import draw_stability
 from seatdyn.paper.tables import OUTPUTS, Array, printed_table
@@ -72,7 +72,7 @@ class History:
 @cache
 def history(case: Case) -> History:
     """Time histories of one case."""
-    data = steady_state(case.system, case.excitation)
+    data = solve(case.system, case.excitation)
     period = 1.0 / case.frequency
     time = data.time.values
 
@@ -113,7 +113,7 @@ def _head(parameter: str, back_on: bool) -> str:
     law = {
         "gamma": "piecewise force (3), free zone −0.01 … +0.01 m",
         "beta1": f"quadratic damping (4), $\\beta_1$ = {SHOWN_QUADRATIC:g} N s²/m²",
-        "beta2": f"Coulomb force (5), $\\beta_2$ = {SHOWN_COULOMB:g} N, velocity offset $A/\\omega$",
+        "beta2": f"Coulomb force (5), $\\beta_2$ = {SHOWN_COULOMB:g} N, offset $A/\\omega$",
     }[parameter]
     level = "" if parameter == "gamma" else "$a_0$ = "
     return (
@@ -122,7 +122,7 @@ def _head(parameter: str, back_on: bool) -> str:
     )
 
 
-def draw_acceleration(parameter: str, back_on: bool) -> Figure:
+def draw_acceleration(parameter: str, back_on: bool, _: Computed) -> Figure:
     """Time history of the seat acceleration."""
     figure, (axes,) = new_figure(height=85)
     for i, (name, case) in enumerate(_cases(parameter, back_on).items()):
@@ -135,7 +135,7 @@ def draw_acceleration(parameter: str, back_on: bool) -> Figure:
     return figure
 
 
-def draw_force(parameter: str, back_on: bool) -> Figure:
+def draw_force(parameter: str, back_on: bool, _: Computed) -> Figure:
     """Time history of the non-linear force; for (4) and (5) under the total suspension force."""
     rows = 1 if parameter == "gamma" else 2
     figure, axes = new_figure(rows, height=50 + 40 * rows, sharex=True)
@@ -198,9 +198,9 @@ def _figures() -> tuple[PaperFigure, ...]:
         PaperFigure(
             2,
             "Stability of body and linear suspension over seat mass and damping for four "
-            "stiffnesses: N unstable (filled for c_m), S stable. Left back-on as in the paper, right back-off, "
-            "which the paper calls always stable.",
-            lambda computed: draw_stability(),
+            "stiffnesses: N unstable (filled for c_m), S stable. Left back-on as in the "
+            "paper, right back-off, which the paper calls always stable.",
+            lambda _: draw_stability(),
         )
     ]
     accelerations = (("acc_m1", "acc_m2", "acc_seat"),)
@@ -213,29 +213,31 @@ def _figures() -> tuple[PaperFigure, ...]:
             varied = (
                 "γ = 0, 100, 500, 1000 N/m" if parameter == "gamma" else "levels a₀, 2a₀, 4a₀, 8a₀"
             )
-            shown = f"restoring force {force}(t)" if parameter == "gamma" else (
-                f"suspension force F_VIS(t) (top) and {force}(t) in it (bottom)"
+            shown = (
+                f"restoring force {force}(t)"
+                if parameter == "gamma"
+                else (f"suspension force F_VIS(t) (top) and {force}(t) in it (bottom)")
             )
             figures += [
                 PaperFigure(
                     start,
                     f"Seat acceleration, {body}, {varied}.",
-                    lambda computed, p=parameter, b=back_on: draw_acceleration(p, b),
+                    partial(draw_acceleration, parameter, back_on),
                 ),
                 PaperFigure(
                     start + 1,
                     f"{shown[0].upper()}{shown[1:]}, {body}, {varied}.",
-                    lambda computed, p=parameter, b=back_on: draw_force(p, b),
+                    partial(draw_force, parameter, back_on),
                 ),
                 PaperFigure(
                     start + 2,
                     f"Influence of {symbol} on the accelerations, {body} (Table {table}).",
-                    lambda computed, n=table: draw_influence(n, accelerations, computed),
+                    partial(draw_influence, table, accelerations),
                 ),
                 PaperFigure(
                     start + 3,
                     f"Influence of {symbol} on the suspension forces, {body} (Table {table}).",
-                    lambda computed, n=table: draw_influence(n, forces, computed),
+                    partial(draw_influence, table, forces),
                 ),
             ]
     return tuple(figures)

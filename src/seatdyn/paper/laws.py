@@ -28,7 +28,9 @@ def offset_coulomb(d: float, v: float, p: Any) -> float:
 # Rivals of the offset: other ways to make friction weaker at small velocities.
 
 
-@force_law({"friction": "N", "slope": "s/m", "width": "m/s"}, kinks_at={"velocity": ["width", "-width"]})
+@force_law(
+    {"friction": "N", "slope": "s/m", "width": "m/s"}, kinks_at={"velocity": ["width", "-width"]}
+)
 def dead_zone_coulomb(d: float, v: float, p: Any) -> float:
     """Formula (5) of the velocity beyond a dead zone of half this width."""
     u = v - min(max(v, -p[2]), p[2])

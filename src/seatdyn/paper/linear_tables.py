@@ -80,7 +80,7 @@ def body_parameters(body: SeatedBody) -> dict[str, float]:
 
 
 def table02() -> list[LinearCell]:
-    """Poles divided by 2 pi, fastest first as in print: real part, imaginary part, f0, fd, in Hz."""
+    """Poles divided by 2 pi, fastest first as in print: both parts, f0 and fd in Hz."""
     cells = []
     for line in read_rows("table02.csv"):
         back_on = line["model"].startswith("back_on")

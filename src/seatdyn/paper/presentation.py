@@ -100,7 +100,11 @@ def _overview(summary: dict[str, Any]) -> list[dict[str, Any]]:
                 rms = found[group]["rms"]
                 state = ("met" if rms <= TARGET else "missed") if set_here else ""
                 cells.append(
-                    {"rms": percent(rms), "worst": percent(found[group]["worst"], 1), "state": state}
+                    {
+                        "rms": percent(rms),
+                        "worst": percent(found[group]["worst"], 1),
+                        "state": state,
+                    }
                 )
             lines.append({"table": number, "reading": reading, "cells": cells})
     return lines
@@ -131,7 +135,6 @@ def _statistics(number: int, summary: dict[str, Any]) -> dict[str, Any]:
             found = summary[table.key][reading.name][group]
             set_here = reading.name == "as_read" and group in TARGETS.get(number, ())
             met = found["rms"] <= TARGET
-            why = EXPLANATIONS.get((number, group), "") if reading.name == "as_read" else ""
             lines.append(
                 {
                     "reading": reading.name,
@@ -142,33 +145,31 @@ def _statistics(number: int, summary: dict[str, Any]) -> dict[str, Any]:
                     "cell": found["worst_cell"],
                     "excluded": ", ".join(found["excluded"]),
                     "verdict": ("met" if met else "missed") if set_here else "",
-                    "why": "" if met else why,
                 }
             )
     return {
         "number": number,
         "lines": lines,
+        "why": {GROUP_NAMES[g]: text for (n, g), text in EXPLANATIONS.items() if n == number},
         "readings": {r.name: r.text for r in readings(table.back_on)},
     }
 
 
 def _linear(key: str, cells: list[LinearCell]) -> dict[str, Any]:
-    """Table 1 or 2 cell by cell."""
-    return {
-        "number": int(key[-2:]),
-        "lines": [
-            {
-                "row": cell.row,
-                "column": cell.column,
-                "unit": "" if cell.unit == "1" else cell.unit,
-                "printed": cell.printed,
-                "computed": f"{cell.computed:.9g}",
-                "within": cell.within_rounding,
-                "known": (cell.row, cell.column) in EXCEPTIONS,
-            }
-            for cell in cells
-        ],
-    }
+    """Table 1 or 2 as rows and columns; None where a row has no such cell."""
+    columns = list(dict.fromkeys(cell.column for cell in cells))
+    rows: dict[str, list[dict[str, Any] | None]] = {}
+    units: dict[str, str] = {}
+    for cell in cells:
+        row = rows.setdefault(cell.row, [None] * len(columns))
+        units[cell.row] = "" if cell.unit == "1" else cell.unit
+        row[columns.index(cell.column)] = {
+            "printed": cell.printed,
+            "computed": f"{cell.computed:.9g}",
+            "within": cell.within_rounding,
+            "known": (cell.row, cell.column) in EXCEPTIONS,
+        }
+    return {"number": int(key[-2:]), "columns": columns, "rows": rows, "units": units}
 
 
 def _views(number: int, computed: dict[str, Array]) -> list[dict[str, Any]]:

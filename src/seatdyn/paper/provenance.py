@@ -32,7 +32,8 @@ def provenance() -> dict[str, Any]:
             "frequency_back_on_Hz": cases.FREQUENCY[True],
         },
         "solver": {
-            "steady_state_tolerance": 1e-9,
+            "steady_state_tolerance": cases.TOLERANCE,
+            "energy_residual_limit": cases.ENERGY_RESIDUAL,
             "rtol": DEFAULT.rtol,
             "method": DEFAULT.method,
         },

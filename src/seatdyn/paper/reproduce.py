@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from seatdyn.paper.writing import OutputFolder
 
 Progress = Callable[[float, str], None]
 # Shares of the run after which each part is over, from its measured time.
-LINEAR_DONE, TABLES_DONE, CLAIMS_DONE, FIGURES_DONE = 0.02, 0.25, 0.60, 0.96
+LINEAR_DONE, TABLES_DONE, CLAIMS_DONE, FIGURES_DONE = 0.01, 0.15, 0.60, 0.98
 
 
 def reproduce(
@@ -144,7 +145,7 @@ def _draw(
     for k, figure in enumerate(FIGURES):
         share = CLAIMS_DONE + (FIGURES_DONE - CLAIMS_DONE) * k / len(FIGURES)
         say(share, f"Figure {figure.number}")
-        png, svg = render(lambda figure=figure: figure.draw(computed))
+        png, svg = render(partial(figure.draw, computed))
         folder.write(f"figures/{figure.key}.png", png)
         folder.write(f"figures/{figure.key}.svg", svg)
         images[figure.key] = png

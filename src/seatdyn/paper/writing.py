@@ -52,9 +52,7 @@ class OutputFolder:
             ) from None
         return target
 
-    def write_csv(
-        self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]
-    ) -> Path:
+    def write_csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
         """Put a CSV file."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
