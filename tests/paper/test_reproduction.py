@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatdyn.errors import OutputError
+from seatdyn.errors import OutputError, RequestError
+from seatdyn.model.excitation import Sine
+from seatdyn.paper import cases
 from seatdyn.paper.cases import AS_PRINTED, AS_READ, NEAR, compute_table, readings
 from seatdyn.paper.deviations import TARGET, TARGETS, table_statistics
 from seatdyn.paper.explanations import EXPLANATIONS
@@ -87,6 +89,22 @@ def test_every_group_above_the_target_is_explained():
         if statistics(number, AS_READ)[group]["rms"] > TARGET
     }
     assert above == set(EXPLANATIONS)
+
+
+@pytest.mark.parametrize(
+    ("status", "residual", "message"),
+    [
+        ("converged", float("nan"), "energy balance"),
+        ("converged", 1e-3, "energy balance"),
+        ("no_periodic_response", 0.0, "it wanders"),
+    ],
+)
+def test_what_may_not_be_used_is_never_compared(monkeypatch, status, residual, message):
+    attrs = {"status": status, "energy_residual": residual, "message": "it wanders"}
+    result = type("Result", (), {"attrs": attrs})()
+    monkeypatch.setattr(cases, "steady_state", lambda *args, **kwargs: result)
+    with pytest.raises(RequestError, match=message):
+        cases.solve(cases.paper_system(False), Sine(1.55, amplitude=1.0))
 
 
 def test_the_read_zone_repairs_the_acceleration_of_m2():

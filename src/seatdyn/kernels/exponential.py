@@ -79,8 +79,13 @@ def accelerations_at(plant, base, q, row, y, acceleration):
 
 
 @kernel
-def collocate(plant, matrix, row, base, side, tolerance, known, motion):
-    """Iterate the channel forces at nodes 1-4 in `row` until they repeat; False if they do not."""
+def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
+    """Iterate the channel forces at nodes 1-4 in `row` until they repeat.
+
+    Fixed-point iteration, each new value mixed with the one before so that the last two changes
+    cancel best (Anderson 1965, J. ACM 12:547-560, depth one). `known`, `motion` (8m,) and `past`
+    (4, 4m) are scratch. Returns the number of iterations, 0 where they do not repeat soon enough.
+    """
     m = plant.gain.shape[0]
     p = m + 2
     n2 = row.size - 5 * p
@@ -95,7 +100,7 @@ def collocate(plant, matrix, row, base, side, tolerance, known, motion):
             for o in range(8 * m):
                 known[o] += matrix[k, o] * row[k]
     before = np.inf
-    for _ in range(ITERATIONS):
+    for iteration in range(1, ITERATIONS + 1):
         for o in range(8 * m):
             motion[o] = known[o]
         for q in range(1, 5):
@@ -103,19 +108,35 @@ def collocate(plant, matrix, row, base, side, tolerance, known, motion):
                 k = n2 + q * p + j
                 for o in range(8 * m):
                     motion[o] += matrix[k, o] * row[k]
-        change = 0.0
+        change = up = down = 0.0
         for i in range(4):
             for j in range(m):
                 o = i * 2 * m + j
-                k = n2 + (i + 1) * p + j
+                q = i * m + j
                 new = channel_force(plant, j, motion[o], motion[o + m], side)
-                change = max(change, abs(new - row[k]) / tolerance[j])
-                row[k] = new
+                step = new - row[n2 + (i + 1) * p + j]
+                change = max(change, abs(step) / tolerance[j])
+                if iteration > 1:
+                    turn = (step - past[1, q]) / tolerance[j]
+                    up += step / tolerance[j] * turn
+                    down += turn * turn
+                past[2, q], past[3, q] = new, step
         # small, and so is what is still to come if the changes go on falling by the same ratio
-        if change <= FIRST_CHANGE or (change <= 1.0 and 2.0 * change <= before):
-            return True
+        done = change <= FIRST_CHANGE or (change <= 1.0 and 2.0 * change <= before)
+        fall = change / before
+        if not done and iteration > 2 and change * fall ** (ITERATIONS - iteration) > 1.0:
+            return 0
+        mix = up / down if down > 0.0 and not done else 0.0
+        for i in range(4):
+            for j in range(m):
+                q = i * m + j
+                new = past[2, q]
+                row[n2 + (i + 1) * p + j] = new - mix * (new - past[0, q])
+                past[0, q], past[1, q] = new, past[3, q]
+        if done:
+            return iteration
         before = change
-    return False
+    return 0
 
 
 @kernel

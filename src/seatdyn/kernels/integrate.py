@@ -25,8 +25,11 @@ REFINEMENTS = 40
 FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
 LANDING = 5e-3  # s, the same for the steps that land on a break
 START_LEVEL = ex.LEVELS - 4
+PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
+FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 100, 1 / 300  # errors that allow a doubled step
-OVERSHOOT = 1.02  # a landing step reaches a little beyond the break that it is to find
+APPROACH = 0.95  # share of the way to a break that a ladder step may take
+OVERSHOOT = 1.1  # a landing step reaches a little beyond the break that it is to find
 
 
 @kernel
@@ -57,9 +60,12 @@ def break_tolerance(plant, r, z_scale, v_scale):
 
 @kernel
 def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, channel, tolerance):
-    """Take a step of about `trial` s (at most `high`) that ends on break `row`; returns its size."""
+    """Take a step of about `trial` s, at most `high`, that ends on break `row`.
+
+    Returns its size and the distance left to the break.
+    """
     n = y.size // 2
-    low, h = 0.0, trial
+    low, h, g = 0.0, trial, np.inf
     for _ in range(REFINEMENTS):
         h = trial
         rk_step(plant, t, h, segment, y, k, side, held, y1, force)
@@ -74,7 +80,7 @@ def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, chann
         trial = h - g / slope if slope != 0.0 else low
         if not low < trial < high:
             trial = 0.5 * (low + high)
-    return h
+    return h, abs(g)
 
 
 @kernel
@@ -162,7 +168,8 @@ def integrate(
     k, force, force0 = np.empty((7, 2 * n)), np.zeros(m), np.zeros(m)
     inputs = m + 2
     row, before, base = np.zeros(2 * n + 5 * inputs), np.zeros((5, m)), np.empty((5, 3))
-    known, motion, tolerance = np.empty(8 * m), np.empty(8 * m), np.empty(m)
+    known, motion, past = np.empty(8 * m), np.empty(8 * m), np.zeros((4, 4 * m))
+    tolerance = np.empty(m)
     weights, ratio, scratch = np.empty((5, 5)), 0.0, np.empty(2 * n)
     side, held = side.copy(), held.copy()
     t = t0
@@ -179,10 +186,10 @@ def integrate(
     window, in_window = t, 0
     z_scale, v_scale = z_floor, v_floor
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
-    level = START_LEVEL
+    level, patience = START_LEVEL, 0
     h_before = 0.0  # size of the ladder step before, if its forces can be extrapolated
     longest_landing = LANDING  # step that the error control has let reach a break
-    cap = np.inf  # largest ladder step before a break that has been seen ahead
+    ahead, ahead_row, ahead_channel = np.inf, -1, -1  # time of a break seen ahead, and which
     rk_until = -np.inf  # Dormand-Prince steps up to here, to land on a break
     fresh = True  # accelerations at the start have to be computed
     while t < t1:
@@ -216,15 +223,19 @@ def integrate(
             marks = grow(marks, np.empty((longer, marks.shape[1]), np.int64))
 
         fit = level
-        room = min(stop - t + ROUNDING * max(abs(t), 1.0), cap)
+        room = stop - t + ROUNDING * max(abs(t), 1.0)
+        goal = 0.0  # time to a break that can be landed on
+        if ahead < np.inf:
+            if ahead - t <= longest_landing:
+                goal = ahead - t
+            room = min(room, APPROACH * (ahead - t))
         while fit >= 0 and ladder.step[fit] > room:
             fit -= 1
-        accepted, goal = False, 0.0  # goal: time to a break that the ladder step met
-        if use_ladder and not holding and fit >= 0 and t >= rk_until:
+        if use_ladder and not holding and fit >= 0 and t >= rk_until and goal == 0.0:
             h = ladder.step[fit]
             copy(y, row)
             ex.place_base(plant, ladder.turn[fit], t, h, segment, row, base)
-            converged = True
+            iterations = 1
             if m > 0:
                 if h_before > 0.0 and h / h_before != ratio:
                     ratio = h / h_before
@@ -241,11 +252,11 @@ def integrate(
                         row[place + i * inputs] = guess
                     reach = plant.gain[j, j] * h
                     tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
-                converged = ex.collocate(
-                    plant, ladder.relative[fit], row, base, side, tolerance, known, motion
+                iterations = ex.collocate(
+                    plant, ladder.relative[fit], row, base, side, tolerance, known, motion, past
                 )
-            if not converged:
-                level = fit - 1
+            if iterations == 0:
+                level, patience = fit - 1, PATIENCE
                 h_before = 0.0
                 if level < 0:
                     level, rk_until = 0, t + h
@@ -259,12 +270,6 @@ def integrate(
             ex.accelerations_at(plant, base, 2, row, ym, am)
             ex.accelerations_at(plant, base, 4, row, y1, a1)
             gap = ex.interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
-            if not max(truncation, gap) <= 1.0:
-                level = fit - 1
-                h_before = 0.0
-                if level < 0:
-                    level, rk_until = 0, t + h
-                continue
             share, place, channel = find_event(
                 plant, 0.5 * h, start, middle, y, ym, a0, am, side, held, z_scale, v_scale
             )
@@ -275,17 +280,18 @@ def integrate(
                 )
                 reach = 0.5 * h * (1.0 + share)
             if share <= 1.0:
+                # even if the step is not accurate: beyond the break it was on the wrong branch
                 h_before = 0.0
-                if reach > longest_landing and 0.9 * reach > ladder.step[0]:
-                    cap = 0.9 * reach  # first a smaller step of the ladder towards the break
-                    continue
+                ahead, ahead_row, ahead_channel = t + reach, place, channel
                 if reach <= ROUNDING * max(abs(t), 1.0):
-                    rk_until = t + ladder.step[0]  # on the break already
-                    continue
-                goal = reach
-            accepted = goal == 0.0
-        if accepted:
-            cap = np.inf
+                    ahead, rk_until = np.inf, t + ladder.step[0]  # on the break already
+                continue
+            if not max(truncation, gap) <= 1.0:
+                level, patience = fit - 1, PATIENCE
+                h_before = 0.0
+                if level < 0:
+                    level, rk_until = 0, t + h
+                continue
             save_step(record, marks, steps, t, y, a0, am, side, held)
             save_step(record, marks, steps + 1, t + 0.5 * h, ym, am, a1, side, held)
             steps += 2
@@ -299,9 +305,11 @@ def integrate(
                 force0[j] = before[4, j]
             h_before = h
             flips = 0
-            if fit == level and level + 1 < ex.LEVELS:
-                if gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION:
-                    level += 1
+            patience -= 1
+            easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
+            easy = easy and iterations <= FEW_ITERATIONS and patience <= 0
+            if easy and fit == level and level + 1 < ex.LEVELS:
+                level += 1
             continue
 
         # a Dormand-Prince step, or one that lands on the break
@@ -317,18 +325,18 @@ def integrate(
             k[0, i] = y[n + i]
             k[0, n + i] = a0[i]
         if goal > 0.0:
+            place, channel, share = ahead_row, ahead_channel, 1.0
             high = min(OVERSHOOT * goal + ladder.step[0], stop - t)
             reach = break_tolerance(plant, place, z_scale, v_scale)
-            h = land(
+            h, missed = land(
                 plant, t, goal, high, segment, y, k, side, held, y1, force, place, channel, reach
             )
-            share = 1.0
             error = rk_error(k, h, n, z_tolerance, v_tolerance)
-            if not error <= 1.0:
+            if missed > 4 * reach or not error <= 1.0:
+                # nothing there after all, or too far for one step: walk there, or come nearer
                 longest_landing = 0.7 * h
-                if 0.7 * h > ladder.step[0]:
-                    cap = 0.7 * h
-                else:
+                ahead = np.inf
+                if missed > 4 * reach or longest_landing < ladder.step[0]:
                     rk_until = t + high
                 continue
             longest_landing = max(longest_landing, h * min(2.0, 0.8 * max(error, 1e-10) ** -0.2))
@@ -360,7 +368,7 @@ def integrate(
                     continue
             if share <= 1.0:
                 reach = break_tolerance(plant, place, z_scale, v_scale)
-                h = land(
+                h, _ = land(
                     plant, t, share * h, h, segment, y, k, side, held, y1, force, place, channel,
                     reach,
                 )
@@ -383,7 +391,7 @@ def integrate(
         copy(force, force0)
         if share <= 1.0 or let_go >= 0:
             fresh = True
-            rk_until, cap = -np.inf, np.inf
+            rk_until, ahead = -np.inf, np.inf
             events += 1
             in_window += 1
             if t - window > 1.0:

@@ -87,8 +87,8 @@ def level_of_every_row() -> Claim:
         f"{np.mean(levels[6]):.4f} (T6): {low / STATED_RMS:.3f} to {high / STATED_RMS:.3f} times "
         "0.686, where √2 is excluded. Two numbers fit: √(5/3) = 1.2910, for which no cause is "
         "known, and one other digit in the statement: 0.626 m/s² r.m.s. would be "
-        f"{0.626 * math.sqrt(2):.4f} m/s² peak. The random tables need about 0.69 r.m.s., which "
-        "speaks against the second. The cause stays open.",
+        f"{0.626 * math.sqrt(2):.4f} m/s² peak. The random tables are said to need about 0.69 "
+        "r.m.s. (not tried here), which speaks against the second. The cause stays open.",
         "open",
         {"table05": levels[5], "table06": levels[6]},
     )
