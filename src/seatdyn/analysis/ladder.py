@@ -17,25 +17,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.exponential import LEVELS, NODES, Ladder
 from seatdyn.kernels.plant import Plant
 
+Array = NDArray[np.float64]
 POINTS = NODES.size
 TAYLOR_TERMS = 14
 
 
 def make_ladder(plant: Plant, longest: float) -> Ladder:
     """Propagators of `plant` for steps `longest` * 2**-(LEVELS-1) ... `longest` (s)."""
-    n, m = plant.linear.shape[1], plant.gain.shape[0]
+    n, m = plant.linear.shape[0], plant.gain.shape[0]
     inputs = m + 2
     size = 2 * n + POINTS * inputs
     augmented = np.zeros((size, size))
     augmented[:n, n : 2 * n] = np.eye(n)
-    augmented[n : 2 * n, : 2 * n] = plant.linear[: 2 * n].T
+    augmented[n : 2 * n, : 2 * n] = plant.linear[:, : 2 * n]
     augmented[n : 2 * n, 2 * n : 2 * n + m] = -plant.pull
-    augmented[n : 2 * n, 2 * n + m : 2 * n + inputs] = plant.linear[2 * n :].T
+    augmented[n : 2 * n, 2 * n + m : 2 * n + inputs] = plant.linear[:, 2 * n :]
     shift = np.arange(2 * n, size - inputs)
     augmented[shift, shift + inputs] = 1.0
 
@@ -79,11 +81,22 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     response = np.moveaxis(legendre[:, effects].T @ by_node[:, -1], 1, -1)
     relative = (rows @ across).swapaxes(1, 2).reshape(LEVELS, rows.shape[2], -1)
     angle = steps[:, None, None] * NODES[:, None] * plant.sines[:, 1]
+    middle, end = (_with_accelerations(plant, rows[:, i], i + 1) for i in (1, 3))
     return Ladder(
         step=steps,
         turn=np.stack([np.cos(angle), np.sin(angle)], axis=-1),
-        advance=np.ascontiguousarray(rows[:, [1, 3]]),
+        advance=np.ascontiguousarray(np.concatenate([middle, end], axis=-1)),
         relative=np.ascontiguousarray(relative),
         to_legendre=np.ascontiguousarray(np.linalg.inv(legendre)[2:]),
         response=np.ascontiguousarray(np.abs(response)),
     )
+
+
+def _with_accelerations(plant: Plant, rows: Array, node: int) -> Array:
+    """Append to the maps to the state at a node those to the accelerations there, (L, R, 3N)."""
+    n, m = plant.linear.shape[0], plant.gain.shape[0]
+    accelerations = rows @ plant.linear[:, : 2 * n].T
+    place = 2 * n + node * (m + 2)
+    accelerations[:, place : place + m] -= plant.pull.T
+    accelerations[:, place + m : place + m + 2] += plant.linear[:, 2 * n :].T
+    return np.concatenate([rows, accelerations], axis=-1)

@@ -51,15 +51,13 @@ def lower(system: SeatSystem, motion: Motion) -> Plant:
     rows = [spot for channel in breaks for spot in channel]
     parameters = [p for law in flat for p in law.parameters]
     return Plant(
-        linear=np.ascontiguousarray(
-            np.vstack(
-                [
-                    -(inverse @ linear.stiffness).T,
-                    -(inverse @ linear.damping).T,
-                    inverse @ linear.drive_stiffness,
-                    inverse @ linear.drive_damping,
-                ]
-            )
+        linear=np.column_stack(
+            [
+                -(inverse @ linear.stiffness),
+                -(inverse @ linear.damping),
+                inverse @ linear.drive_stiffness,
+                inverse @ linear.drive_damping,
+            ]
         ),
         pull=np.ascontiguousarray(pull),
         gain=np.ascontiguousarray(incidence.T @ pull),

@@ -128,12 +128,7 @@ class Run:
         share = np.ascontiguousarray(share, dtype=float)
         index = np.ascontiguousarray(index, dtype=np.int64)
         with CompileNotice():
-            parts = dense.sample(plant, self.record, self.marks, index, share)
-        starts = self.record[:, 0]
-        time = starts[index] + share * (starts[index + 1] - starts[index])
-        motion = self.problem.motion
-        base = np.array([motion.evaluate(time, order) for order in range(3)])
-        return Samples(time, base, *parts)
+            return Samples(*dense.sample(plant, self.record, self.marks, index, share))
 
 
 @dataclass(frozen=True)
@@ -207,7 +202,7 @@ class Problem:
                     settings.stick_speed,
                     settings.max_events_per_second,
                 )
-            n = self.plant.linear.shape[1]
+            n = self.plant.linear.shape[0]
             state = State(record[-1, 1 : 2 * n + 1].copy(), side, held)
             events += count
             steps += record.shape[0] - 1

@@ -7,7 +7,15 @@ import numpy as np
 from seatdyn.kernels.columns import ELEMENTS, CODE, OFFSET, ADDRESS, JUMPS
 from seatdyn.kernels.jit import kernel
 from seatdyn.kernels.laws import law_force
-from seatdyn.kernels.plant import accelerations, base_motion, on_side, relative, segment_at
+from seatdyn.kernels.plant import (
+    FREE,
+    accelerations,
+    base_motion,
+    free_accelerations,
+    on_side,
+    relative,
+    segment_at,
+)
 
 
 @kernel
@@ -30,22 +38,28 @@ def hermite_state(record, i, s, n, y):
 def sample(plant, record, marks, index, share):
     """Solution at `share` (0..1) of the steps `index`, on the branch that each step was on.
 
-    Returns displacements, velocities, accelerations (p, N), element forces (p, e), and the element
-    forces at the same displacement and zero velocity (p, e).
+    Returns times (p,), base motion (3, p), displacements, velocities, accelerations (p, N), element
+    forces (p, e), and the element forces at the same displacement and zero velocity (p, e).
     """
-    n, m, count = plant.linear.shape[1], plant.gain.shape[0], index.size
+    n, m, count = plant.linear.shape[0], plant.gain.shape[0], index.size
     breaks, elements = plant.breaks.shape[0], plant.elements.shape[0]
     z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
     forces, elastic = np.empty((count, elements)), np.empty((count, elements))
     y, force = np.empty(2 * n), np.zeros(m)
+    times, bases = np.empty(count), np.empty((3, count))
     for p in range(count):
         i = index[p]
         h = record[i + 1, 0] - record[i, 0]
         hermite_state(record, i, share[p], n, y)
         segment = segment_at(plant, record[i, 0] + 0.5 * h)
-        base = base_motion(plant, record[i, 0] + share[p] * h, segment)
+        times[p] = record[i, 0] + share[p] * h
+        base = base_motion(plant, times[p], segment)
+        bases[0, p], bases[1, p], bases[2, p] = base
         side, held = marks[i, :breaks], marks[i, breaks:]
-        accelerations(plant, base, y, side, held, a[p], force)
+        if np.any(held != FREE):
+            accelerations(plant, base, y, side, held, a[p], force)
+        else:
+            free_accelerations(plant, base, y, side, a[p], force)
         for q in range(n):
             z[p, q], v[p, q] = y[q], y[n + q]
         for j in range(m):
@@ -64,7 +78,7 @@ def sample(plant, record, marks, index, share):
                 # held at a jump: the element that jumps carries whatever balances
                 forces[p, jumper] += force[j] - total
                 elastic[p, jumper] += force[j] - total
-    return z, v, a, forces, elastic
+    return times, bases, z, v, a, forces, elastic
 
 
 @kernel

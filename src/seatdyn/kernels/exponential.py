@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.jit import kernel
-from seatdyn.kernels.plant import channel_force, linear_accelerations, segment_motion
+from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.plant import channel_force, segment_motion
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
 NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
@@ -27,7 +27,7 @@ class Ladder(NamedTuple):
 
     step: np.ndarray  # (L,) s
     turn: np.ndarray  # (L, 5, n, 2) cosine and sine of the angle of each lasting sine to the nodes
-    advance: np.ndarray  # (L, 2, 2N + 5p, 2N) to the middle and the end of the step
+    advance: np.ndarray  # (L, 2N + 5p, 6N) to state and acceleration at the middle, and at the end
     relative: np.ndarray  # (L, 2N + 5p, 8m) to motions across channels at node 1: d, v; node 2: ...
     to_legendre: np.ndarray  # (3, 5) second to fourth Legendre coefficient of nodal values
     response: np.ndarray  # (L, 2, p, 2N) |end state| per unit of a constant, and of the third
@@ -46,7 +46,7 @@ def prediction(ratio, weights):
             weights[i, q] = weight
 
 
-@kernel
+@inlined
 def place_base(plant, turn, t, h, segment, row, base):
     """Write the base motion at the nodes into `row`, and (x, v, a) at the nodes into `base`."""
     p = plant.gain.shape[0] + 2
@@ -67,18 +67,7 @@ def place_base(plant, turn, t, h, segment, row, base):
         row[first + q * p + p - 1] = base[q, 1]
 
 
-@kernel
-def accelerations_at(plant, base, q, row, y, acceleration):
-    """Accelerations at node q, where the state is y and the channel forces stand in `row`."""
-    m = plant.gain.shape[0]
-    linear_accelerations(plant, (base[q, 0], base[q, 1], base[q, 2]), y, acceleration)
-    place = row.size - (5 - q) * (m + 2)
-    for j in range(m):
-        for i in range(acceleration.size):
-            acceleration[i] -= plant.pull[i, j] * row[place + j]
-
-
-@kernel
+@inlined
 def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
     """Iterate the channel forces at nodes 1-4 in `row` until they repeat.
 
@@ -139,7 +128,7 @@ def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
     return 0
 
 
-@kernel
+@inlined
 def carry(matrix, row, result):
     """result = row @ matrix."""
     for i in range(result.size):
@@ -149,7 +138,7 @@ def carry(matrix, row, result):
             result[i] += row[k] * matrix[k, i]
 
 
-@kernel
+@inlined
 def truncation(ladder, level, row, worst_of, z_tolerance, v_tolerance):
     """Error by what the quartics miss of the inputs, over its tolerance; `worst_of` is scratch.
 
@@ -181,7 +170,7 @@ def truncation(ladder, level, row, worst_of, z_tolerance, v_tolerance):
     return worst
 
 
-@kernel
+@inlined
 def interpolation_error(h, y0, ym, y1, a0, a1, z_tolerance, v_tolerance):
     """Error of the two quintics kept for the step, from the middle of the one over the whole."""
     worst = 0.0

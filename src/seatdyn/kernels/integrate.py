@@ -14,7 +14,7 @@ from seatdyn.kernels.columns import BREAKS, ON_DISPLACEMENT, ON_VELOCITY, VALUE,
 from seatdyn.kernels import exponential as ex
 from seatdyn.kernels.events import distance, first_zero, sides_of
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
-from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.jit import inlined, kernel
 from seatdyn.kernels.plant import accelerations, base_motion, segment_at
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
@@ -23,6 +23,7 @@ LARGEST = 1e9  # m or m/s: no seat moves that far
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion
 REFINEMENTS = 40
 FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
+LANDING_SHARE = 0.02  # of the tolerance: a landing is no less accurate than ladder steps are
 LANDING = 5e-3  # s, the same for the steps that land on a break
 START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
@@ -50,6 +51,20 @@ def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale
     return best, row, channel
 
 
+@inlined
+def far_from_breaks(plant, base0, base1, base2, y0, y1, y2, a0, a1, a2, side, z_scale, v_scale):
+    """Whether no break can be met in two steps: distances positive and never turning up inside."""
+    for j in range(plant.gain.shape[0]):
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            g0, s0, _ = distance(plant, r, j, y0, base0, a0, side)
+            g1, s1, _ = distance(plant, r, j, y1, base1, a1, side)
+            g2, s2, _ = distance(plant, r, j, y2, base2, a2, side)
+            near = 8 * break_tolerance(plant, r, z_scale, v_scale)
+            if min(g0, g1, g2) <= near or (s0 < 0.0 < s1) or (s1 < 0.0 < s2):
+                return False
+    return True
+
+
 @kernel
 def break_tolerance(plant, r, z_scale, v_scale):
     """Distance to break r that counts as being on it; a kink does no harm at first order."""
@@ -59,7 +74,7 @@ def break_tolerance(plant, r, z_scale, v_scale):
 
 
 @kernel
-def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, channel, tolerance):
+def land(plant, t, trial, high, segment, y, k, side, held, holding, y1, force, row, channel, tolerance):
     """Take a step of about `trial` s, at most `high`, that ends on break `row`.
 
     Returns its size and the distance left to the break.
@@ -68,7 +83,7 @@ def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, chann
     low, h, g = 0.0, trial, np.inf
     for _ in range(REFINEMENTS):
         h = trial
-        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+        rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force)
         base = base_motion(plant, t + h, segment)
         g, slope, _ = distance(plant, row, channel, y1, base, k[6, n:], side)
         if abs(g) <= tolerance or high - low <= 4e-16 * max(abs(t), 1e-3):
@@ -90,13 +105,13 @@ def land_on_release(plant, t, h, segment, y, k, side, held, y1, force):
     channel = -1
     for _ in range(REFINEMENTS):
         h = 0.5 * (low + high)
-        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+        rk_step(plant, t, h, segment, y, k, side, held, True, y1, force)
         margin, at = held_margin(plant, t + h, segment, y1, side, held, force)
         if margin < 0.0:
             high, channel = h, at
         else:
             low = h
-    rk_step(plant, t, high, segment, y, k, side, held, y1, force)
+    rk_step(plant, t, high, segment, y, k, side, held, True, y1, force)
     _, at = held_margin(plant, t + high, segment, y1, side, held, force)
     return high, max(channel, at)
 
@@ -117,7 +132,7 @@ def grow(old, new):
     return new
 
 
-@kernel
+@inlined
 def save_step(record, marks, i, t, y, a0, a1, side, held):
     """Write step i: time, state and acceleration at its start, acceleration at its end, marks."""
     n = a0.size
@@ -158,13 +173,14 @@ def integrate(
     and a last row with the final time and state; and marks, a row each with sides (b) and held
     breaks (m).
     """
-    n, m = plant.linear.shape[1], plant.gain.shape[0]
+    n, m = plant.linear.shape[0], plant.gain.shape[0]
     capacity = 256
     record = np.empty((capacity, 1 + 4 * n))
     marks = np.empty((capacity, side.size + m), np.int64)
 
-    y, y1, ym = y0.copy(), np.empty(2 * n), np.empty(2 * n)
-    a0, a1, am = np.zeros(n), np.empty(n), np.empty(n)
+    y, a0 = y0.copy(), np.zeros(n)
+    result = np.empty(6 * n)  # of a ladder step: state and acceleration at its middle and end
+    ym, am, y1, a1 = result[: 2 * n], result[2 * n : 3 * n], result[3 * n : 5 * n], result[5 * n :]
     k, force, force0 = np.empty((7, 2 * n)), np.zeros(m), np.zeros(m)
     inputs = m + 2
     row, before, base = np.zeros(2 * n + 5 * inputs), np.zeros((5, m)), np.empty((5, 3))
@@ -261,24 +277,25 @@ def integrate(
                 if level < 0:
                     level, rk_until = 0, t + h
                 continue
-            ex.carry(ladder.advance[fit, 0], row, ym)
-            ex.carry(ladder.advance[fit, 1], row, y1)
+            ex.carry(ladder.advance[fit], row, result)
             truncation = ex.truncation(ladder, fit, row, scratch, z_tolerance, v_tolerance)
             start = (base[0, 0], base[0, 1], base[0, 2])
             middle = (base[2, 0], base[2, 1], base[2, 2])
             end = (base[4, 0], base[4, 1], base[4, 2])
-            ex.accelerations_at(plant, base, 2, row, ym, am)
-            ex.accelerations_at(plant, base, 4, row, y1, a1)
             gap = ex.interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
-            share, place, channel = find_event(
-                plant, 0.5 * h, start, middle, y, ym, a0, am, side, held, z_scale, v_scale
-            )
-            reach = 0.5 * h * share
-            if share > 1.0:
+            share, place, channel, reach = 2.0, -1, -1, 0.0
+            if not far_from_breaks(
+                plant, start, middle, end, y, ym, y1, a0, am, a1, side, z_scale, v_scale
+            ):
                 share, place, channel = find_event(
-                    plant, 0.5 * h, middle, end, ym, y1, am, a1, side, held, z_scale, v_scale
+                    plant, 0.5 * h, start, middle, y, ym, a0, am, side, held, z_scale, v_scale
                 )
-                reach = 0.5 * h * (1.0 + share)
+                reach = 0.5 * h * share
+                if share > 1.0:
+                    share, place, channel = find_event(
+                        plant, 0.5 * h, middle, end, ym, y1, am, a1, side, held, z_scale, v_scale
+                    )
+                    reach = 0.5 * h * (1.0 + share)
             if share <= 1.0:
                 # even if the step is not accurate: beyond the break it was on the wrong branch
                 h_before = 0.0
@@ -329,9 +346,9 @@ def integrate(
             high = min(OVERSHOOT * goal + ladder.step[0], stop - t)
             reach = break_tolerance(plant, place, z_scale, v_scale)
             h, missed = land(
-                plant, t, goal, high, segment, y, k, side, held, y1, force, place, channel, reach
+                plant, t, goal, high, segment, y, k, side, held, holding, y1, force, place, channel, reach
             )
-            error = rk_error(k, h, n, z_tolerance, v_tolerance)
+            error = rk_error(k, h, n, LANDING_SHARE * z_tolerance, LANDING_SHARE * v_tolerance)
             if missed > 4 * reach or not error <= 1.0:
                 # nothing there after all, or too far for one step: walk there, or come nearer
                 longest_landing = 0.7 * h
@@ -341,7 +358,7 @@ def integrate(
                 continue
             longest_landing = max(longest_landing, h * min(2.0, 0.8 * max(error, 1e-10) ** -0.2))
         else:
-            rk_step(plant, t, h, segment, y, k, side, held, y1, force)
+            rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force)
             error = rk_error(k, h, n, z_tolerance, v_tolerance)
             if not error <= 1.0:
                 h_rk = h * max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1 * h
@@ -369,7 +386,7 @@ def integrate(
             if share <= 1.0:
                 reach = break_tolerance(plant, place, z_scale, v_scale)
                 h, _ = land(
-                    plant, t, share * h, h, segment, y, k, side, held, y1, force, place, channel,
+                    plant, t, share * h, h, segment, y, k, side, held, holding, y1, force, place, channel,
                     reach,
                 )
         flips = 0

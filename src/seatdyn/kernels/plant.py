@@ -22,7 +22,7 @@ class Plant(NamedTuple):
     laws on that side only, so that no step ever mixes two branches.
     """
 
-    linear: np.ndarray  # (2N+2, N) accelerations per displacement, velocity, base x and v
+    linear: np.ndarray  # (N, 2N+2) accelerations per displacement, velocity, base x and v
     pull: np.ndarray  # (N, m) acceleration lost per unit force of a channel
     gain: np.ndarray  # (m, m) relative acceleration of channel i lost per unit force of channel j
     channels: np.ndarray  # (m+1, 4) int: nodes (-1 is the base), begin of its elements and breaks
@@ -156,33 +156,34 @@ def hold(plant, held, a0, acceleration, force):
 
 
 @inlined
-def linear_accelerations(plant, base, y, acceleration):
-    """Fill the accelerations (N,) of the linear part alone."""
-    n = acceleration.size
-    linear = plant.linear
-    for i in range(n):
-        acceleration[i] = linear[2 * n, i] * base[0] + linear[2 * n + 1, i] * base[1]
-    for k in range(2 * n):
-        for i in range(n):
-            acceleration[i] += linear[k, i] * y[k]
-
-
-@kernel
-def accelerations(plant, base, y, side, held, acceleration, force):
-    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'].
+def free_accelerations(plant, base, y, side, acceleration, force):
+    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'], nothing held.
 
     base : base displacement, velocity, acceleration
     """
     n, m = acceleration.size, force.size
-    linear_accelerations(plant, base, y, acceleration)
-    holding = False
+    linear = plant.linear
+    for i in range(n):
+        total = linear[i, 2 * n] * base[0] + linear[i, 2 * n + 1] * base[1]
+        for k in range(2 * n):
+            total += linear[i, k] * y[k]
+        acceleration[i] = total
     for j in range(m):
-        if held[j] >= 0:
-            holding = True
-            continue
         d, v = relative(plant, j, y, base[0], base[1])
         force[j] = channel_force(plant, j, d, v, side)
         for i in range(n):
             acceleration[i] -= plant.pull[i, j] * force[j]
+
+
+@kernel
+def accelerations(plant, base, y, side, held, acceleration, force):
+    """The same with the channels that are held at a jump kept where they are."""
+    free_accelerations(plant, base, y, side, acceleration, force)
+    holding = False
+    for j in range(force.size):
+        if held[j] >= 0:
+            holding = True
+            for i in range(acceleration.size):
+                acceleration[i] += plant.pull[i, j] * force[j]
     if holding:
         hold(plant, held, base[2], acceleration, force)
