@@ -9,7 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import seatdyn as sd
-from conftest import paper_system
+from conftest import oscillator, paper_system
+from seatdyn.analysis.transient import check_request
 from seatdyn.app.cli import app
 
 LINK = sd.Link(("seat", "m1"), 1e4, 100.0)
@@ -27,27 +28,27 @@ PYTHON = {
     "negative seat mass": (
         lambda: sd.Seat(-1.0),
         sd.ModelError,
-        "Seat.mass = -1 kg is not allowed; it must be a finite number > 0 kg.",
+        "Seat.mass = -1 kg is not allowed; it must be a number in 1e-06 .. 1e+06 kg.",
     ),
     "zero body mass": (
         lambda: body({"m1": 0.0}),
         sd.ModelError,
-        "SeatedBody('test').masses['m1'] = 0 kg is not allowed; it must be a finite number > 0 kg.",
+        "SeatedBody('test').masses['m1'] = 0 kg is not allowed; it must be a number in 1e-06 ..",
     ),
     "NaN stiffness": (
         lambda: sd.Spring(np.nan),
         sd.ModelError,
-        "Spring.stiffness = nan N/m is not allowed; it must be a finite number >= 0 N/m.",
+        "Spring.stiffness = nan N/m is not allowed; it must be a number in 0 .. 1e+12 N/m.",
     ),
     "infinite damping": (
         lambda: sd.Damper(np.inf),
         sd.ModelError,
-        "Damper.coefficient = inf N s/m is not allowed; it must be a finite number >= 0 N s/m.",
+        "Damper.coefficient = inf N s/m is not allowed; it must be a number in 0 .. 1e+09 N s/m.",
     ),
     "text instead of a number": (
         lambda: sd.Seat("35"),
         sd.ModelError,
-        "Seat.mass = '35' is not a number; it must be a finite number > 0 kg.",
+        "Seat.mass = '35' is not a number; it must be a number in 1e-06 .. 1e+06 kg.",
     ),
     "unknown body": (
         lambda: sd.load_body("ksiazek1997_back_of"),
@@ -63,28 +64,131 @@ PYTHON = {
     "zero frequency": (
         lambda: sd.Sine(0.0, amplitude=1.0),
         sd.ExcitationError,
-        "Sine.frequency = 0 Hz is not allowed; it must be a finite number > 0 Hz. A motion at zero "
-        "frequency has no finite displacement.",
+        "Sine.frequency = 0 Hz is not allowed; it must be a number in 0.0001 .. 100000 Hz. Towards "
+        "zero frequency the displacement has no bound; check the unit.",
     ),
     "both levels": (
         lambda: sd.Sine(1.0, amplitude=1.0, rms=1.0),
         sd.ExcitationError,
-        "Sine needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), but both",
+        "Sine needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), but both were given; "
+        "pass one of them.",
     ),
     "no level": (
         lambda: sd.Sine(1.0),
         sd.ExcitationError,
-        "Sine needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), but neither",
+        "Sine needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), but neither was given; "
+        "pass one of them.",
     ),
     "negative level": (
         lambda: sd.Sine(1.0, rms=-1.0),
         sd.ExcitationError,
-        "Sine.rms = -1 m/s2 is not allowed; it must be a finite number >= 0 m/s2.",
+        "Sine.rms = -1 m/s2 is not allowed; it must be a number in 0 .. 1e+06 m/s2.",
+    ),
+    "absurdly light seat": (
+        lambda: sd.Seat(1e-320),
+        sd.ModelError,
+        "kg is not allowed; it must be a number in 1e-06 .. 1e+06 kg.",
+    ),
+    "absurdly stiff spring": (
+        lambda: sd.Spring(1e308),
+        sd.ModelError,
+        "Spring.stiffness = 1e+308 N/m is not allowed; it must be a number in 0 .. 1e+12 N/m.",
+    ),
+    "absurd damping": (
+        lambda: sd.Damper(1e10),
+        sd.ModelError,
+        "Damper.coefficient = 1e+10 N s/m is not allowed; it must be a number in 0 .. 1e+09 N s/m.",
+    ),
+    "absurd body mass": (
+        lambda: body({"m1": 1e300}),
+        sd.ModelError,
+        "masses['m1'] = 1e+300 kg is not allowed; it must be a number in 1e-06 .. 1e+06 kg.",
+    ),
+    "absurd link": (
+        lambda: sd.Link(("seat", "m1"), -1e300),
+        sd.ModelError,
+        "Link.stiffness = -1e+300 N/m is not allowed; it must be a number in -1e+12 .. 1e+12 N/m.",
+    ),
+    "absurd gain": (
+        lambda: sd.FeedbackTerm("k1", 1e300),
+        sd.ModelError,
+        "FeedbackTerm.gain = 1e+300 N/m or N s/m is not allowed",
+    ),
+    "absurd weight": (
+        lambda: sd.FeedbackTerm("k1", 1.0, weights={"m1": 1e300}),
+        sd.ModelError,
+        "FeedbackTerm.weights['m1'] of term 'k1' = 1e+300 is not allowed",
+    ),
+    "absurd preload": (
+        lambda: sd.Preload(-1e300),
+        sd.ModelError,
+        "Preload.force = -1e+300 N is not allowed; it must be a number in -1e+09 .. 1e+09 N.",
+    ),
+    "absurd polynomial": (
+        lambda: sd.PolynomialDamper((0.0, 1e300)),
+        sd.ModelError,
+        "PolynomialDamper.polynomial[1] = 1e+300 is not allowed",
+    ),
+    "polynomial that is no list": (
+        lambda: sd.PolynomialDamper(3.0),
+        sd.ModelError,
+        "PolynomialDamper.polynomial = 3.0 must be a list of 1 to 5 numbers.",
+    ),
+    "integer too large for a float": (
+        lambda: sd.Seat(10**400),
+        sd.ModelError,
+        "Seat.mass = inf kg is not allowed",
+    ),
+    "table out of range": (
+        lambda: sd.TableSpring((0.0, 1e300), (0.0, 1.0)),
+        sd.ModelError,
+        "TableSpring.displacement[1] = 1e+300 m is not allowed; it must be a number in -1000 ..",
+    ),
+    "table with a cliff": (
+        lambda: sd.TableSpring((0.0, 1e-300), (0.0, 1.0)),
+        sd.ModelError,
+        "TableSpring.displacement: points 0 and 1 (0 and 1e-300 m) make a slope above 1e+12",
+    ),
+    "gain with the name of a suspension parameter": (
+        lambda: sd.FeedbackTerm("seat_mass", 1.0),
+        sd.ModelError,
+        "FeedbackTerm.name = 'seat_mass' is not allowed; it must be a text, and not one of "
+        "('damping', 'stiffness', 'seat_mass'), which name the suspension. Rename the gain",
+    ),
+    "node with the name of an acceleration": (
+        lambda: body({"acc_seat": 1.0}),
+        sd.ModelError,
+        "SeatedBody('test').masses['acc_seat']: outputs are named 'acc_...', 'F_...' and 'm2-m1'",
+    ),
+    "node with the name of a force": (
+        lambda: body({"F_damper": 1.0}),
+        sd.ModelError,
+        "must not contain '-' or begin with 'acc_' or 'F_'; rename the node.",
+    ),
+    "node with the name of a pair": (
+        lambda: body({"seat-base": 1.0}),
+        sd.ModelError,
+        "must not contain '-' or begin with 'acc_' or 'F_'; rename the node.",
+    ),
+    "node without a name": (
+        lambda: body({"": 1.0}),
+        sd.ModelError,
+        "SeatedBody('test').masses names a node ''; a name must be a text, such as 'm1'.",
+    ),
+    "node with the name of the base": (
+        lambda: body({"base": 1.0}),
+        sd.ModelError,
+        "the name 'base' is reserved for the base under the seat; rename the node.",
+    ),
+    "one link, no list": (
+        lambda: body(links=LINK),
+        sd.ModelError,
+        "is of the wrong kind; it must be a list of Link objects.",
     ),
     "negative clearance": (
         lambda: sd.EndStop(1e4, -0.01, 0.01),
         sd.ModelError,
-        "EndStop.bump_clearance = -0.01 m is not allowed; it must be a finite number >= 0 m.",
+        "EndStop.bump_clearance = -0.01 m is not allowed; it must be a number in 0 .. 1000 m.",
     ),
     "table not monotone": (
         lambda: sd.TableSpring((0.0, 0.02, 0.01), (0.0, 1.0, 2.0)),
@@ -141,7 +245,12 @@ PYTHON = {
     "too many steps": (
         lambda: sd.simulate(SYSTEM, SINE, 1e6, output_step=1.0),
         sd.RequestError,
-        "duration = 1e+06 s needs more than 1e+07 steps; at most 5000000 are allowed.",
+        "duration = 1e+06 s needs about 2e+07 steps or more; at most 5000000 are allowed. Shorten",
+    ),
+    "too many rows of a ladder, two a step": (
+        lambda: sd.simulate(SYSTEM, SINE, 3e5, output_step=1.0),
+        sd.RequestError,
+        "duration = 300000 s needs about 6e+06 steps or more; at most 5000000 are allowed.",
     ),
     "zero duration": (
         lambda: sd.simulate(SYSTEM, SINE, 0.0),
@@ -158,6 +267,44 @@ PYTHON = {
         sd.RequestError,
         "initial has 2 numbers; it must have 6 finite ones: the displacements (m) of "
         "('seat', 'm1', 'm2'), then their velocities (m/s).",
+    ),
+    "initial state of words": (
+        lambda: sd.simulate(SYSTEM, SINE, 1.0, initial=["a"] * 6),
+        sd.RequestError,
+        "initial = ['a', 'a', 'a', 'a', 'a', 'a'] is no list of numbers; it must have 6 finite",
+    ),
+    "initial displacement out of range": (
+        lambda: sd.simulate(SYSTEM, SINE, 1.0, initial=[1e10, 0, 0, 0, 0, 0]),
+        sd.RequestError,
+        "initial[0] (displacement of 'seat') = 1e+10 m is not allowed; it must be a number in "
+        "-1000 .. 1000 m.",
+    ),
+    "initial velocity out of range": (
+        lambda: sd.simulate(SYSTEM, SINE, 1.0, initial=[0, 0, 0, 0, 0, -1e5]),
+        sd.RequestError,
+        "initial[5] (velocity of 'm2') = -100000 m/s is not allowed; it must be a number in",
+    ),
+    "no base motion": (
+        lambda: sd.simulate(SYSTEM, 3.0, 1.0),
+        sd.RequestError,
+        "excitation = 3.0 is no base motion; use Sine, SineSum, Step, HalfSineShock, Sweep, Record",
+    ),
+    "body without a seat": (
+        lambda: sd.simulate(body(), SINE, 1.0),
+        sd.RequestError,
+        "system = test (SeatedBody) is not allowed: simulate needs a SeatSystem, and so does "
+        "steady_state; put the body on a Seat: SeatSystem(body, Seat(mass, [...])).",
+    ),
+    "no settings": (
+        lambda: sd.simulate(SYSTEM, SINE, 1.0, settings={"rtol": 1e-6}),
+        sd.RequestError,
+        "settings = {'rtol': 1e-06} is not allowed; use Settings(rtol=...) or None.",
+    ),
+    "load without a spring": (
+        lambda: sd.simulate(oscillator(sd.Preload(1.0)), sd.Still(), 1.0, initial="equilibrium"),
+        sd.RequestError,
+        "initial = 'equilibrium' is not possible: no state in which the constant forces are "
+        "balanced was found near zero. Start from 'rest' or from an array",
     ),
     "unknown initial state": (
         lambda: sd.simulate(SYSTEM, SINE, 1.0, initial="Rest"),
@@ -227,9 +374,13 @@ COMMANDS = {
     ("poles", "--seat-mass", "-3"): "Seat.mass = -3 kg is not allowed",
     ("poles", "--seat-mass", "nan"): "Seat.mass = nan kg is not allowed",
     ("poles", "--stiffness", "inf"): "Spring.stiffness = inf N/m is not allowed",
-    ("poles", "--damping", "-1"): "it must be a finite number >= 0 N s/m",
+    ("poles", "--damping", "-1"): "it must be a number in 0 .. 1e+09 N s/m",
     ("poles", "--quadratic", "-1"): "QuadraticDamper.coefficient = -1 N s2/m2 is not allowed",
     ("poles", "--seat-mass", "heavy"): "Invalid value for '--seat-mass': 'heavy' is not a number",
+    ("poles", "--seat-mass", "1e-320"): "it must be a number in 1e-06 .. 1e+06 kg",
+    ("poles", "--stiffness", "1e308"): "it must be a number in 0 .. 1e+12 N/m",
+    ("poles", "--seat-mass", "3_5"): "'3_5' is not a number; write it like 9950, 0.02 or 1e-3",
+    ("frf", "--frequency", "1", "2", "1_0"): "--frequency: N = '1_0' is not a number; write it",
     ("poles", "--seat-mas", "3"): "No such option: --seat-mas",
     ("pole",): "No such command 'pole'",
     ("poles", "--body", "ksiazek1997_back_of"): "Did you mean 'ksiazek1997_back_off'",
@@ -255,7 +406,11 @@ COMMANDS = {
     ("critical", "--vary", "damping", "--range", "5", "1"): "Exchange the ends",
     STEADY: "Sine needs exactly one level",
     ("steady", "--rms", "1"): "A base motion is needed: give --frequency in Hz",
-    (*STEADY, "--rms", "1", "--amplitude", "1"): "but both",
+    (*STEADY, "--rms", "1", "--amplitude", "1"): "but both were given; pass one of them",
+    (*STEADY, "--amplitude", "1_0"): "'1_0' is not a number",
+    ("steady", "--frequency", "1e-200", "--rms", "1"): "in 0.0001 .. 100000 Hz",
+    ("steady", "--frequency", "1e300", "--rms", "1"): "Sine.frequency = 1e+300 Hz is not allowed",
+    (*STEADY, "--rms", "1e300"): "Sine.rms = 1e+300 m/s2 is not allowed",
     ("steady", "--frequency", "0", "--rms", "1"): "Sine.frequency = 0 Hz is not allowed",
     (*STEADY, "--rms", "1", "--end-stop", "1", "--free-travel", "0.01", "-0.02"): (
         "--free-travel 0.01 -0.02 m is not allowed; LOWER must be <= 0 (bump) and UPPER >= 0"
@@ -288,7 +443,15 @@ FILES = {
     "": "the field 'name' is missing or misspelt. A body needs name, masses and links.",
     "name = [": "is not valid TOML",
     'name = "x"\nlinks = []': "the field 'masses' is missing or misspelt",
-    'name = "x"\nmasses = 3\nlinks = []': "a field that is unknown or of the wrong kind",
+    'name = "x"\nmasses = 3\nlinks = []': "SeatedBody('x').masses = 3 is of the wrong kind",
+    'name = "x"\nmasses = [[1]]\nlinks = []': (
+        "SeatedBody('x').masses = [[1]] is of the wrong kind; it must map node names to numbers"
+    ),
+    'name = "x"\nmasses = {m1 = 1}\nlinks = [[1]]': "a field that is unknown or of the wrong kind",
+    'name = "x"\nmasses = {m-1 = 1}\nlinks = []': "rename the node",
+    'name = "x"\nmasses = {m1 = 1' + 400 * "0" + "}\nlinks = []": (
+        "SeatedBody('x').masses['m1'] = inf kg is not allowed"
+    ),
     'name = "x"\nmasses = {m1 = 1}\nlinks = [{between = ["seat", "m1"], stifness = 1}]': "stifness",
     'name = "x"\nmasses = {m1 = -1}\nlinks = [{between = ["seat", "m1"]}]': (
         "SeatedBody('x').masses['m1'] = -1 kg is not allowed"
@@ -316,3 +479,42 @@ def test_body_file_that_is_not_text(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(sd.ModelError, match="is not valid TOML"):
         sd.load_body(path)
+
+
+def test_what_is_asked_of_a_time_run_is_checked_in_one_place():
+    check_request(SYSTEM, SINE)
+    with pytest.raises(sd.RequestError, match="is no base motion"):
+        check_request(SYSTEM, sd.Sine)
+    with pytest.raises(sd.RequestError, match="put the body on a Seat"):
+        check_request(body(), SINE)
+
+
+def test_the_limits_themselves_are_allowed():
+    for mass, k, c in ((1e-6, 0.0, 0.0), (1e6, 1e12, 1e9)):
+        system = paper_system(mass=mass, k=k, c=c)
+        assert np.isfinite(sd.poles(system).pole.values).all()
+
+
+@pytest.mark.parametrize(("load", "carried"), [(130.0, 30.5), (-240.0, -41.0)])
+def test_an_equilibrium_inside_a_jump_is_not_refused(load, carried):
+    """At d = 0.01 the spring bears 99.5 N, the jump 0 .. 50 N; at -0.02, 199 N and 0 .. 100 N."""
+    system = paper_system(sd.PiecewiseSpring(5000.0, 0.02, 0.01), sd.Preload(-load))
+    run = sd.simulate(system, sd.Still(), 1.0, initial="equilibrium")
+    edge = 0.01 if load > 0.0 else -0.02
+    travel = run.relative_displacement.sel(pair="seat-base").values
+    np.testing.assert_allclose(travel, edge, atol=1e-12)
+    force = run.element_force.sel(element="PiecewiseSpring").values
+    np.testing.assert_allclose(force, carried, atol=1e-6)
+
+
+@pytest.mark.parametrize("load", [50.0, 200.0, -150.0, -400.0])
+def test_an_equilibrium_beside_a_jump_stays(load):
+    system = paper_system(sd.PiecewiseSpring(5000.0, 0.02, 0.01), sd.Preload(-load))
+    run = sd.simulate(system, sd.Still(), 1.0, initial="equilibrium")
+    travel = run.relative_displacement.sel(pair="seat-base").values
+    stiffness = 9950.0 if -199.0 < load < 99.5 else 14950.0
+    np.testing.assert_allclose(travel, load / stiffness, rtol=1e-9)
+
+
+def test_settings_are_public():
+    assert sd.Settings(rtol=1e-6).rtol == 1e-6

@@ -112,23 +112,97 @@ def test_record_with_a_gap_is_refused():
         (lambda: sd.Record(np.zeros(20), rate=-1.0), "rate"),
         (lambda: sd.Record(np.zeros(20), rate=10.0, high_pass=6.0), "half the sampling rate"),
         (lambda: sd.Record(np.zeros(20), rate=10.0, mean="zero"), "mean"),
+        (lambda: sd.Record(["a"] * 10, rate=100), r"samples = \['a', .* list of numbers"),
+        (lambda: sd.Record(np.zeros(10), time=["a"] * 10), r"time = \['a', .* list of numbers"),
+        (lambda: sd.Record(np.ones(10), rate=1e-300), r"rate = 1e-300 Hz .* 0\.001 \.\. 1e\+07 Hz"),
+        (lambda: sd.Record(np.ones(10), rate=1e8), r"rate = 1e\+08 Hz"),
+        (lambda: sd.Record(np.full(10, 1e300), rate=1.0), r"samples\[0\] = 1e\+300 m/s2"),
+        (lambda: sd.Record(np.ones(10), rate=1.0, high_pass=1e-9), r"1e-06 \.\. 0\.49 Hz"),
         (lambda: sd.Sine(0.0, amplitude=1.0), "frequency = 0 Hz"),
+        (lambda: sd.Sine(1e-200, amplitude=1.0), r"1e-200 Hz .* 0\.0001 \.\. 100000 Hz"),
+        (lambda: sd.Sine(1e300, amplitude=1.0), r"1e\+300 Hz .* 0\.0001 \.\. 100000 Hz"),
+        (lambda: sd.Sine(1.0, amplitude=1e300), r"amplitude = 1e\+300 m/s2"),
+        (lambda: sd.Sine(1.0, amplitude=1.0, phase=1e300), "phase"),
         (lambda: sd.Sine(-1.0, amplitude=1.0), "frequency = -1 Hz"),
-        (lambda: sd.Sine(1.0), "neither"),
-        (lambda: sd.Sine(1.0, amplitude=1.0, rms=1.0), "both"),
+        (lambda: sd.Sine(1.0), "neither was given; pass one"),
+        (lambda: sd.Sine(1.0, amplitude=1.0, rms=1.0), "both were given; pass one of them"),
         (lambda: sd.Sine(1.0, amplitude=math.inf), "amplitude = inf"),
         (lambda: sd.Sine("fast", amplitude=1.0), "not a number"),
         (lambda: sd.SineSum([]), "at least one Sine"),
+        (lambda: sd.SineSum(sd.Sine(1.0, 1.0)), "parts = Sine.* list of at least one Sine"),
+        (lambda: sd.SineSum(3), "parts = 3 .* list of at least one Sine"),
         (lambda: sd.HalfSineShock(10.0, 0.0), "duration = 0"),
+        (lambda: sd.HalfSineShock(1e300, 0.01), r"amplitude = 1e\+300"),
+        (lambda: sd.HalfSineShock(10.0, 0.01, spread=1e-300), "spread"),
+        (lambda: sd.HalfSineShock(10.0, 0.01, start=1e300), "start"),
         (lambda: sd.HalfSineShock(10.0, 0.01, start=0.01), "compensating pulse"),
         (lambda: sd.Step(0.1, -1.0), "duration = -1"),
+        (lambda: sd.Step(1e300, 1.0), r"height = 1e\+300 m"),
+        (lambda: sd.Step(0.1, 1e-200), "duration = 1e-200 s"),
         (lambda: sd.Sweep(1.0, 2.0, 3.0), "neither"),
+        (lambda: sd.Sweep(1e-200, 2.0, 3.0, 1.0), "begin = 1e-200 Hz"),
+        (lambda: sd.Sweep(1.0, 1e300, 3.0, 1.0), r"end = 1e\+300 Hz"),
+        (
+            lambda: sd.Sweep(0.5, 20.0, 1e7, amplitude=1.0),
+            r"1e\+07 s up to 20 Hz needs 2e\+10 segments; at most 5e\+06 .* 2500 s\. Shorten",
+        ),
         (lambda: sd.Sweep(1.0, 2.0, 3.0, 1.0, spacing="cubic"), "spacing"),
     ],
 )
 def test_bad_motions_say_what_is_wrong(make, message):
     with pytest.raises(sd.ExcitationError, match=message):
         make()
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "period"),
+    [
+        ((1.5, 4.0), 2.0),
+        ((1.0, 1.001), 1000.0),
+        ((1.0, 998 / 997, 992 / 991), None),  # they meet again after 988027 s
+        ((1.0, 2**0.5), None),
+    ],
+)
+def test_common_period(frequencies, period):
+    total = sd.SineSum([sd.Sine(f, amplitude=1.0) for f in frequencies])
+    assert total.period == (period if period is None else pytest.approx(period))
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        sd.Sine(1e-4, amplitude=1e6),
+        sd.Sine(1e5, amplitude=1.0),
+        sd.Step(1e3, 1e-6, 1e9),
+        sd.HalfSineShock(1e6, 1e3, spread=1e6),
+        sd.HalfSineShock(1e6, 1e-6, spread=1e-3),
+        sd.Sweep(1e-4, 1e5, 1e-6, amplitude=1e6),
+        sd.Sweep(1.0, 1.0, 1e-6, amplitude=1.0),
+        sd.Record(np.sin(np.arange(8)) * 1e6, rate=1e-3),
+        sd.Record(np.sin(np.arange(8)), rate=1e7, high_pass=10.0),
+    ],
+    ids=lambda motion: type(motion).__name__,
+)
+def test_the_limits_of_motions_are_usable(motion):
+    for derivative in range(3):
+        values = motion.motion.evaluate(np.linspace(0.0, 1.0, 50), derivative)
+        assert np.isfinite(values).all()
+
+
+def test_records_are_told_apart():
+    samples = RNG.normal(size=50)
+    record, same = sd.Record(samples, rate=10.0), sd.Record(list(samples), rate=10.0)
+    other = sd.Record(np.append(samples[:-1], 0.0), rate=10.0)
+    assert record == record
+    assert record != other
+    assert len({record, record, other}) == 2
+    assert repr(record) == repr(same)
+    assert repr(record) != repr(other)
+    assert repr(record).startswith("Record(50 samples, rate=10.0, mean='remove'")
+    assert len(record.digest) == 64
+    assert record.digest in repr(record)
+    samples[0] += 1.0  # the record keeps what it was given
+    assert record.samples[0] == same.samples[0]
 
 
 def test_read_record(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import seatdyn as sd
+from seatdyn.analysis import crossings
 from seatdyn.analysis.characteristic import characteristic_polynomial, substituted
 from seatdyn.analysis.stability import stability_points
 from seatdyn.kernels.hurwitz import is_hurwitz
@@ -308,6 +309,189 @@ def test_critical_values_against_a_scan(seed):
             assert np.min(np.abs(poles - 1j * w)) < 1e-8 * np.abs(poles).max()
 
 
+HARD = [  # body, mass, stiffness, damping, parameter, low, high, critical values, stable at low
+    (
+        *("back_off", 74.44506001047, 4279.722714580895, 11.75052464095992),
+        *("k12", -4000, 4000, [-3459.2940519213, 802.0289473305843], False),
+    ),
+    (
+        *("back_off", 37.73055435616234, 420.0554641441269, 640.568942643142),
+        *("damping", 0, 8000, [0.856514722455], False),
+    ),
+    (
+        *("back_on", 27.494660136258773, 22867.785580306074, 2624.3609802503356),
+        *("k11", -60000, 60000, [-560.2564197047], False),
+    ),
+    (
+        *("back_off", 19.67538981783565, 1541.8349202088284, 4.53319970949395),
+        *("k12", -4000, 4000, [-1249.150625932], True),
+    ),
+    (  # and none at zero stiffness, the open end, from rounding
+        *("back_on", 46.96872142306522, 43426.967198927436, 77.85993984303612),
+        *("stiffness", 0, 400000, [304710.0385804], True),
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("body", "mass", "stiffness", "damping", "vary", "low", "high", "expected", "stable"), HARD
+)
+def test_critical_values_that_are_hard_to_polish(
+    body, mass, stiffness, damping, vary, low, high, expected, stable
+):
+    system = system_of(body, mass, stiffness, damping)
+    c = sd.critical_values(system, vary=vary, low=low, high=high)
+    np.testing.assert_allclose(c["value"], expected, rtol=2e-12)
+    assert c["verdict_changes"].all()
+    assert bool(c.attrs["stable_at_low"]) is stable
+    assert bool(c.attrs["stable_at_high"]) is stable ^ (len(expected) % 2 == 1)
+
+
+def test_boundary_at_a_damping_that_is_small_against_the_present_one():
+    body, mass, stiffness, damping = HARD[1][:4]
+    system = system_of(body, mass, stiffness, damping)
+    edge = sd.stability_boundary(system, seat_mass=[mass], stiffness=[stiffness])
+    np.testing.assert_allclose(edge["damping"].values.ravel(), HARD[1][7], rtol=2e-12)
+    assert edge["stable_edge"].all()
+
+
+def test_a_critical_value_that_was_not_found_is_bisected(monkeypatch):
+    system = system_of("back_on", damping=0.0)
+    request = {"vary": "seat_mass", "low": 0.0, "high": 1000.0}
+    whole = sd.critical_values(system, **request)
+    monkeypatch.setattr(crossings, "_candidates", lambda *_: [])
+    found = sd.critical_values(system, **request)
+    np.testing.assert_allclose(found["value"], whole["value"], rtol=1e-12)
+    monkeypatch.setattr(crossings, "_polish", lambda *_: None)
+    found = sd.critical_values(system, **request)
+    np.testing.assert_allclose(found["value"], whole["value"], rtol=1e-9)
+    monkeypatch.setattr(crossings, "_add", lambda *_: False)
+    with pytest.raises(sd.RequestError, match="cannot be told from rounding.*narrower range"):
+        sd.critical_values(system, **request)
+
+
+def compare_critical_values(count, seed):
+    """Verdicts near both ends and within all intervals between critical values, by eigenvalues."""
+    searched = {"damping": (0.0, 8000.0), "stiffness": (0.0, 4e5), "seat_mass": (0.0, 400.0)}
+    searched |= {"k11": (-6e4, 6e4), "k12": (-4e3, 4e3), "k13": (-6e4, 6e4), "k14": (-4e3, 4e3)}
+    fractions = np.array([1e-7, 1e-4, 0.01, 0.1, 0.5, 0.9, 0.99, 1 - 1e-4, 1 - 1e-7])
+    rng = np.random.default_rng(seed)
+    checked = near = 0
+    wrong = []
+    for i in range(count):
+        mass, stiffness = np.exp(rng.uniform(0.0, np.log(80.0))), 10 ** rng.uniform(2.5, 5.0)
+        case = ("back_off", "back_on")[i % 2], mass, stiffness, 10 ** rng.uniform(0.0, 3.5)
+        system = system_of(*case)
+        for name, (low, high) in searched.items():
+            c = sd.critical_values(system, vary=name, low=low, high=high)
+            edges = np.concatenate([[low], c["value"].values, [high]])
+            verdicts = [*c["stable_below"].values, bool(c.attrs["stable_at_high"])]
+            assert verdicts[0] == bool(c.attrs["stable_at_low"])
+            points = edges[:-1, None] + fractions * np.diff(edges)[:, None]
+            m, k, z = substituted(linear_model(system), {name: points.ravel()})
+            m, k, z = np.broadcast_arrays(m, k, z)
+            inverse, eye = np.linalg.inv(m), np.broadcast_to(np.eye(len(m[0])), m.shape)
+            top = np.concatenate([np.zeros_like(m), eye], axis=2)
+            bottom = np.concatenate([-inverse @ z, -inverse @ k], axis=2)
+            poles = np.linalg.eigvals(np.concatenate([top, bottom], axis=1))
+            margin = (poles.real.max(axis=1) / np.abs(poles).max(axis=1)).reshape(points.shape)
+            clear = np.abs(margin) > 1e-9
+            checked, near = checked + clear.sum(), near + np.sum(~clear)
+            if np.any(clear & ((margin < 0) != np.array(verdicts)[:, None])):
+                wrong.append((*case, name))
+    print(f"{count} systems, seed {seed}: {checked} verdicts, {near} more within 1e-9, {wrong=}")
+    assert near < checked / 10
+    assert wrong == []
+
+
+def test_critical_values_against_eigenvalues():
+    compare_critical_values(200, SEED)
+
+
+@pytest.mark.slow
+def test_critical_values_against_eigenvalues_for_many_systems():
+    compare_critical_values(2000, SEED + 1)
+
+
+# ---------------------------------------------------------------- absurd parameters
+
+
+def stable_in_fifty_digits(system):
+    """Routh's array of the exact polynomial of the matrices."""
+    model = linear_model(system)
+    n = 2 * model.size
+    with mpmath.workdps(50):
+        m, c, k = (mpmath.matrix(x.tolist()) for x in (model.mass, model.damping, model.stiffness))
+        points = [mpmath.mpf(10) ** j for j in range(-(n // 2), n - n // 2 + 1)]
+        powers = mpmath.matrix([[s**j for j in range(n, -1, -1)] for s in points])
+        values = mpmath.matrix([mpmath.det(m * s**2 + c * s + k) for s in points])
+        a = list(mpmath.lu_solve(powers, values))
+        for i in range(1, n):
+            if a[i] <= 0:
+                return False
+            for j in range(i + 1, n, 2):
+                a[j] -= a[i - 1] / a[i] * a[j + 1]
+        return bool(a[0] > 0 and a[n] > 0)
+
+
+def test_verdicts_far_outside_of_all_seats():
+    """All the parameters that a Seat takes: "hurwitz" answers, "poles" answers or refuses."""
+    rng = np.random.default_rng(SEED)
+    refused = 0
+    for i in range(150):
+        mass, stiffness = 10 ** rng.uniform(-6, 6), 10 ** rng.uniform(-3, 12)
+        body = ("back_off", "back_on")[i % 2]
+        system = system_of(body, mass, stiffness, 10 ** rng.uniform(-3, 9))
+        expected = stable_in_fifty_digits(system)
+        assert sd.is_stable(system, method="hurwitz") is expected
+        try:
+            assert sd.is_stable(system) is expected
+            assert bool(sd.poles(system).attrs["stable"]) is expected
+        except sd.RequestError as error:
+            assert "hides on which side" in str(error)
+            refused += 1
+    assert 0 < refused < 40
+
+
+def test_a_huge_value_does_not_change_the_verdicts_beside_it():
+    system = system_of("back_off")
+    dampings, masses = np.arange(20.0, 36.0), [35.0, 36.0]
+    alone = sd.stability_map(system, damping=dampings, seat_mass=masses)["stable"].values
+    assert 0 < alone.sum() < alone.size
+    beside = sd.stability_map(system, damping=[*dampings, 1e9], seat_mass=[*masses, 1e6, 1e-6])
+    np.testing.assert_array_equal(beside["stable"].values[:-1, :2], alone)
+    gains = np.linspace(-4000.0, 4000.0, 41)
+    plain = sd.stability_map(system, k12=gains, stiffness=[CM], damping=dampings)
+    wide = sd.stability_map(
+        system, k12=[-1e12, *gains, 1e12], stiffness=[CM, 1e12], damping=[*dampings, 1e9]
+    )
+    assert 0.0 < plain["stable"].mean() < 1.0
+    np.testing.assert_array_equal(wide["stable"].values[1:-1, :1, :-1], plain["stable"].values)
+
+
+def test_a_pole_at_zero_is_no_rounding():
+    """Without a spring the seat drifts: unstable by both criteria, however strong the damper."""
+    for damping in (1.0, 1e9):
+        system = system_of("back_on", stiffness=0.0, damping=damping)
+        assert sd.is_stable(system) is sd.is_stable(system, method="hurwitz") is False
+
+
+def test_the_first_verdict_says_when_it_compiles(monkeypatch):
+    seen = []
+
+    class Notice:
+        def __enter__(self):
+            seen.append("begin")
+
+        def __exit__(self, *_):
+            seen.append("end")
+
+    monkeypatch.setattr("seatdyn.kernels.jit.CompileNotice", Notice)
+    sd.is_stable(system_of("back_on"), method="hurwitz")
+    sd.stability_map(system_of("back_on"), damping=[1.0], seat_mass=[30.0])
+    assert seen == ["begin", "end"] * 2
+
+
 # ---------------------------------------------------------------- boundaries
 
 
@@ -382,6 +566,19 @@ OFF = "back_off"
             "method = 'nyquist'",
         ),
         (lambda s: sd.is_stable(s, method="routh"), "method = 'routh'"),
+        (
+            lambda s: sd.stability_map(s, seat_mass=np.arange(1, 1e5), damping=np.arange(1e5)),
+            r"99999 x 100000 = 1e\+10 points.*at most 2e\+07.*fewer points",
+        ),
+        (
+            lambda s: sd.stability_map(
+                s, method="poles", seat_mass=np.arange(1, 2001), damping=np.arange(2e3)
+            ),
+            r"2000 x 2000 = 4e\+06 points.*'poles' at most 2e\+06",
+        ),
+        (lambda s: sd.stability_map(s, seat_mass=[1e-320], damping=[1.0]), "seat_mass = .*e-32"),
+        (lambda s: sd.stability_map(s, seat_mass=[1.0], damping=[1.0, 1e12]), r"damping = 1e\+12"),
+        (lambda s: sd.critical_values(s, vary="damping", low=0, high=1e300), "damping .high. = 1e"),
         (lambda s: sd.critical_values(s, vary="mass", low=1, high=2), "'mass'.*seat_mass"),
         (lambda s: sd.critical_values(s, vary="damping", low=5, high=2), "from 5 to 2.*Exchange"),
         (lambda s: sd.critical_values(s, vary="damping", low=-5, high=2), r"damping \(low\) = -5"),

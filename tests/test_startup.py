@@ -49,7 +49,7 @@ def listing(folder):
 
 
 def test_import_is_light():
-    heavy = "numba scipy xarray matplotlib h5netcdf typer rich jinja2".split()
+    heavy = ["numba", "scipy", "xarray", "matplotlib", "h5netcdf", "typer", "rich", "jinja2"]
     code = f"import sys, seatdyn; dir(seatdyn); print([m for m in {heavy} if m in sys.modules])"
     assert child(code) == "[]\n"
 
@@ -108,9 +108,7 @@ def test_second_process_does_not_compile_again(tmp_path):
 def test_two_processes_on_a_cold_cache(tmp_path):
     env = environment(tmp_path)
     both = [
-        subprocess.Popen(
-            STEADY, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        subprocess.Popen(STEADY, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for _ in range(2)
     ]
     for process in both:

@@ -32,6 +32,7 @@ _WHERE = {
     "seatdyn.analysis.response": "frequency_response active_bands",
     "seatdyn.analysis.stability": "is_stable stability_map",
     "seatdyn.analysis.boundary": "stability_boundary critical_values",
+    "seatdyn.analysis.run": "Settings",
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.steady": "steady_state",
     "seatdyn.output.figures": "plot",

@@ -48,6 +48,7 @@ class Status(StrEnum):
     DIVERGED = "diverged"
     STEP_LIMIT = "step_limit"
     STEP_TOO_SMALL = "step_too_small"
+    INCONSISTENT = "inconsistent"
 
     @property
     def message(self) -> str:
@@ -74,4 +75,6 @@ _MESSAGES = {
     "`max_steps`.",
     Status.STEP_TOO_SMALL: "The step size fell to the rounding of time: a force law is too steep "
     "or jumps without saying where.",
+    Status.INCONSISTENT: "The energy balance does not close: a force law jumps without saying "
+    "where, or the tolerance is too loose. Declare the jump, or lower `rtol`.",
 }

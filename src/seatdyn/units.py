@@ -1,8 +1,8 @@
 """Fields of model objects that know their unit and admissible range.
 
-`quantity("N/m", minimum=0)` declares a field of a frozen dataclass; `validated(self)` in
-`__post_init__` turns its value into a float and refuses what is outside the range with a message
-that names object, field, value, unit, range and what to do.
+`quantity("N/m", minimum=0, maximum=1e12)` declares a field of a frozen dataclass; `validated(self)`
+in `__post_init__` turns its value into a float and refuses what is outside the range with a
+message that names object, field, value, unit, range and what to do.
 """
 
 from __future__ import annotations
@@ -10,10 +10,36 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import reprlib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypedDict
 
 from seatdyn.errors import ModelError, SeatdynError
+
+
+class Limits(TypedDict):
+    """Smallest and largest value allowed."""
+
+    minimum: float
+    maximum: float
+
+
+# Generous limits of what a seat, a body or a base motion can be; nothing overflows inside them.
+MASS = Limits(minimum=1e-6, maximum=1e6)  # kg
+STIFFNESS = Limits(minimum=0.0, maximum=1e12)  # N/m
+DAMPING = Limits(minimum=0.0, maximum=1e9)  # N s/m, and N s2/m2
+FORCE = Limits(minimum=0.0, maximum=1e9)  # N
+LENGTH = Limits(minimum=0.0, maximum=1e3)  # m
+SPEED = Limits(minimum=0.0, maximum=1e4)  # m/s
+ACCELERATION = Limits(minimum=0.0, maximum=1e6)  # m/s2
+FREQUENCY = Limits(minimum=1e-4, maximum=1e5)  # Hz
+DURATION = Limits(minimum=1e-6, maximum=1e9)  # s, of a base motion
+RATE = Limits(minimum=1e-3, maximum=1e7)  # Hz, of samples
+
+
+def either_sign(limits: Limits) -> Limits:
+    """The same largest size for a number of either sign."""
+    return Limits(minimum=-limits["maximum"], maximum=limits["maximum"])
 
 
 def quantity(
@@ -21,11 +47,12 @@ def quantity(
     *,
     default: Any = dataclasses.MISSING,
     minimum: float = -math.inf,
-    above: float | None = None,
+    maximum: float = math.inf,
     hint: str = "",
 ) -> Any:
-    """Dataclass field holding one number in `unit` (SI), finite, and >= `minimum` or > `above`."""
-    metadata = {"unit": unit, "minimum": minimum, "above": above, "hint": hint}
+    """Dataclass field that holds one finite number in `unit` (SI), in `minimum` .. `maximum`."""
+    limits = Limits(minimum=minimum, maximum=maximum)
+    metadata = {"unit": unit, "limits": limits, "hint": hint}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -35,6 +62,7 @@ def number(
     unit: str,
     *,
     minimum: float = -math.inf,
+    maximum: float = math.inf,
     above: float | None = None,
     hint: str = "",
     error: type[SeatdynError] = ModelError,
@@ -42,6 +70,8 @@ def number(
     """Return `value` as a float, or raise `error` that names it, its unit, range and next step."""
     if above is not None:
         allowed = f"a finite number > {above:g} {unit}"
+    elif maximum < math.inf:
+        allowed = f"a number in {minimum:g} .. {maximum:g} {unit}"
     elif minimum > -math.inf:
         allowed = f"a finite number >= {minimum:g} {unit}"
     else:
@@ -51,12 +81,17 @@ def number(
         raise error(f"{name} = {value!r} is not a number; it must be {allowed}. {hint}".rstrip())
     try:
         result = float(value)
+    except OverflowError:
+        result = math.inf
     except (TypeError, ValueError):
-        message = f"{name} = {value!r} is not a number; it must be {allowed}. {hint}"
+        given = reprlib.repr(value)
+        message = f"{name} = {given} is not a number; it must be {allowed}. {hint}"
         raise error(message.rstrip()) from None
-    inside = math.isfinite(result) and (result > above if above is not None else result >= minimum)
-    if not inside:
-        raise error(f"{name} = {result:g} {unit} is not allowed; it must be {allowed}. {hint}".rstrip())
+    inside = result > above if above is not None else minimum <= result <= maximum
+    if not (inside and math.isfinite(result)):
+        given = f"{result:g} {unit}".rstrip()
+        message = f"{name} = {given} is not allowed; it must be {allowed}. {hint}"
+        raise error(message.rstrip())
     return result
 
 
@@ -65,14 +100,12 @@ def validated(obj: Any, *, error: type[SeatdynError] = ModelError) -> None:
     for field in dataclasses.fields(obj):
         if "unit" not in field.metadata:
             continue
-        limits = field.metadata
         value = number(
             getattr(obj, field.name),
             f"{type(obj).__name__}.{field.name}",
-            limits["unit"],
-            minimum=limits["minimum"],
-            above=limits["above"],
-            hint=limits["hint"],
+            field.metadata["unit"],
+            **field.metadata["limits"],
+            hint=field.metadata["hint"],
             error=error,
         )
         object.__setattr__(obj, field.name, value)

@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatdyn.analysis.characteristic import parameter, parameter_values, substituted
+from seatdyn.analysis.characteristic import (
+    GAIN_LIMITS,
+    LIMITS,
+    parameter,
+    parameter_values,
+    substituted,
+)
 from seatdyn.analysis.crossings import crossings
 from seatdyn.analysis.linear import (
     Array,
@@ -52,7 +58,8 @@ def critical_values(
     ----------
     system, linearise : as in `poles`
     vary : "seat_mass", "damping", "stiffness" or the name of a feedback gain
-    low, high : open range searched, in the unit of the parameter, low < high
+    low, high : open range searched, in the unit of the parameter, low < high; 0 .. 1e6 kg, 0 .. 1e9
+        N s/m, 0 .. 1e12 N/m, a gain within +-1e12
 
     Returns
     -------
@@ -65,14 +72,16 @@ def critical_values(
     Raises
     ------
     RequestError
-        Unknown parameter (with a suggestion), or a range that is reversed, not finite or not
-        admissible.
+        Unknown parameter (with a suggestion), a range that is reversed, not finite or not
+        admissible, or values that cannot be told from rounding.
 
     Notes
     -----
     The frequencies where theta(i w) is real are those with theta(s) = theta(-s): an eigenvalue
     problem, so that none can slip through a grid. Each is then polished by Newton's method in
-    (w, theta) on the matrices at theta itself, where nothing cancels. See the head of this module.
+    (w, theta) on the matrices at theta itself, where nothing cancels. The verdicts are counts of
+    eigenvalues inside each interval, and are held against the values found: none is missing
+    silently.
 
     Examples
     --------
@@ -85,9 +94,10 @@ def critical_values(
     model = as_linear_model(system, linearise)
     term = parameter(model, vary)
     unit = term.unit
-    least = 0.0 if vary in SUSPENSION else -np.inf
-    bottom = number(low, f"{vary} (low)", unit, minimum=least, error=RequestError)
-    top = number(high, f"{vary} (high)", unit, minimum=least, error=RequestError)
+    limits = LIMITS.get(vary, GAIN_LIMITS)
+    limits = limits | {"minimum": min(limits["minimum"], 0.0)}  # the range is open
+    bottom = number(low, f"{vary} (low)", unit, **limits, error=RequestError)
+    top = number(high, f"{vary} (high)", unit, **limits, error=RequestError)
     if not bottom < top:
         raise RequestError(
             f"The range of {vary} from {bottom:g} to {top:g} {unit} is empty; "

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +16,14 @@ from numpy.typing import ArrayLike
 from seatdyn.analysis.linear import Array, natural_rate
 from seatdyn.errors import RequestError
 from seatdyn.model.system import LinearModel, RankOne
-from seatdyn.units import number, suggestion
+from seatdyn.units import DAMPING, MASS, STIFFNESS, either_sign, number, suggestion
 
 Matrices = tuple[Array, Array, Array]
 
 MAXIMUM_PARAMETERS = 3
+LIMITS = {"seat_mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
+GAIN_LIMITS = either_sign(STIFFNESS)
+FASTEST_TO_SLOWEST = 1e30  # of roots, as far as they are looked for
 
 
 def parameter(model: LinearModel, name: str) -> RankOne:
@@ -33,13 +35,11 @@ def parameter(model: LinearModel, name: str) -> RankOne:
 
 
 def parameter_values(model: LinearModel, name: str, values: ArrayLike) -> Array:
-    """Return values of one parameter as a checked array: a mass > 0, a suspension >= 0.
+    """Return values of one parameter as a checked array, within the limits of a Seat, a Spring, ...
 
     Feedback gains may have any sign.
     """
     term = parameter(model, name)
-    limits: dict[str, Any] = {"seat_mass": {"above": 0.0}}
-    limits |= {"damping": {"minimum": 0.0}, "stiffness": {"minimum": 0.0}}
     try:
         array = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError):
@@ -48,8 +48,10 @@ def parameter_values(model: LinearModel, name: str, values: ArrayLike) -> Array:
         raise RequestError(
             f"{name} has the shape {array.shape}; it must be a list of numbers in {term.unit}."
         )
+    limits = LIMITS.get(name, GAIN_LIMITS)
     worst = array[np.argmin(np.where(np.isfinite(array), array, -np.inf))]
-    number(worst, name, term.unit, error=RequestError, **limits.get(name, {}))
+    for value in (worst, array.max()):
+        number(value, name, term.unit, error=RequestError, **limits)
     return array
 
 
@@ -79,10 +81,10 @@ def characteristic_polynomial(
     -----
     The determinant is taken by LU at 2N + 1 points of a circle, whose discrete Fourier transform
     is the list of coefficients times powers of the radius. Its rounding is a fraction of the
-    largest determinant on the circle, so the small coefficients of a wide polynomial would be
-    lost. Hence circles one octave apart cover all moduli that a root can have, and each
-    coefficient is taken from the circle on which it weighs most. What is rounding even there
-    (odd powers of an undamped system) is set to zero.
+    product of the lengths of the rows (Hadamard's bound), so the small coefficients of a wide
+    polynomial would be lost. Hence circles one octave apart cover all moduli that a root can have,
+    and each coefficient is taken from the circle on which it weighs most. What is rounding even
+    there (odd powers of an undamped system) is set to zero.
 
     Examples
     --------
@@ -99,7 +101,10 @@ def characteristic_polynomial(
     with np.errstate(over="ignore", invalid="ignore"):
         values = np.linalg.det(stiffness + z * damping + z**2 * mass)
         terms = np.fft.fft(values, axis=1).real / count  # a_j radius^j
-        weight = np.abs(terms) / np.max(np.abs(values), axis=1)[:, None]
+        r = radii[:, None, None]
+        rows = np.abs(stiffness) + r * np.abs(damping) + r**2 * np.abs(mass)
+        bound = np.prod(np.linalg.norm(rows, axis=2), axis=1)
+        weight = np.abs(terms) / bound[:, None]
     if not np.all(np.isfinite(weight)):
         raise RequestError(
             f"The characteristic polynomial of {n} masses leaves the range of numbers; "
@@ -149,4 +154,4 @@ def _root_bounds(mass: Array, damping: Array, stiffness: Array) -> tuple[float, 
         low = 1.0 / bound(np.linalg.solve(stiffness, damping), np.linalg.solve(stiffness, mass))
     except np.linalg.LinAlgError:  # a root at zero; the others are anywhere
         low = 0.0
-    return max(low, 1e-6 * high), high
+    return max(low, high / FASTEST_TO_SLOWEST), high

@@ -32,6 +32,8 @@ Variable = tuple[tuple[str, ...], Any, str, str]  # dimensions, values, unit, te
 # Real parts below this fraction of the largest pole are rounding, so that an undamped system is
 # never called stable by accident.
 ON_AXIS = 1e-13
+LARGEST = 1e100  # of stiffness or damping over mass: squares and determinants stay finite
+SLOW = 1e-4  # a pole this much slower than the fastest is lost in its rounding first
 
 
 class StateSpace(NamedTuple):
@@ -79,19 +81,54 @@ def as_linear_model(system: Linearisable, linearise: Linearise = None) -> Linear
 
 
 def companion(mass: Array, damping: Array, stiffness: Array) -> Array:
-    """A of x' = A x with x = [z, z'], (..., 2N, 2N), from (stacks of) M, C, K, (..., N, N)."""
+    """A of x' = A x with x = [z, z'], (..., 2N, 2N), from (stacks of) M, C, K, (..., N, N).
+
+    Raises
+    ------
+    ModelError
+        A is not finite.
+    """
     n = mass.shape[-1]
     shape = np.broadcast_shapes(mass.shape[:-2], damping.shape[:-2], stiffness.shape[:-2])
     a = np.zeros((*shape, 2 * n, 2 * n))
     a[..., :n, n:] = np.eye(n)
     a[..., n:, :n] = -np.linalg.solve(mass, stiffness)
     a[..., n:, n:] = -np.linalg.solve(mass, damping)
+    if not np.all(np.abs(a) < LARGEST):
+        raise ModelError(
+            f"Stiffness or damping over mass is not finite or beyond {LARGEST:g} 1/s^2, 1/s; no "
+            "poles can be computed. Check masses, stiffnesses and dampings and their units."
+        )
     return a
 
 
 def on_left(real: Array, radius: Array | float) -> NDArray[np.bool_]:
     """Whether real parts are negative beyond rounding; `radius` is the largest modulus."""
     return np.asarray(real < -ON_AXIS * np.asarray(radius))
+
+
+def check_told(values: ComplexArray, stiffness: Array) -> None:
+    """Refuse poles (..., 2N) so far apart that rounding of the fastest hides the side of others.
+
+    A pole at zero, where the stiffness (..., N, N) is singular, is no such case.
+    """
+    size = np.abs(values)
+    radius = size.max(axis=-1)
+    place = np.argmax(values.real, axis=-1)[..., None]
+    real = np.take_along_axis(values.real, place, axis=-1)[..., 0]
+    slow = np.take_along_axis(size, place, axis=-1)[..., 0] < SLOW * radius
+    hidden = slow & (np.abs(real) <= ON_AXIS * radius)
+    if not np.any(hidden):
+        return
+    springs = np.broadcast_to(stiffness, (*hidden.shape, *stiffness.shape[-2:]))[hidden]
+    rows = np.abs(springs).max(axis=-1, keepdims=True)
+    regular = np.linalg.cond(springs / np.where(rows > 0.0, rows, 1.0)) < 1.0 / ON_AXIS
+    if np.any(regular):
+        raise RequestError(
+            f"The fastest pole ({radius[hidden][regular][0]:.3g} 1/s) is so fast that its rounding "
+            "hides on which side of the imaginary axis a slow one lies. Use the criterion "
+            '"hurwitz" (is_stable, stability_map), a lower damping or stiffness, or more mass.'
+        )
 
 
 def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
@@ -114,7 +151,7 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     Raises
     ------
     RequestError, ModelError
-        See `as_linear_model`.
+        See `as_linear_model`; or a pole so fast that its rounding hides the side of another.
 
     Examples
     --------
@@ -124,6 +161,7 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     """
     model = as_linear_model(system, linearise)
     upper, _, every = _sorted_modes(model)
+    check_told(every, model.stiffness)
     stable = on_left(upper.real, np.max(np.abs(every)))
     with np.errstate(invalid="ignore"):  # a pole at zero has no damping ratio
         ratio = -upper.real / np.abs(upper)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.errors import ModelError
+from seatdyn.kernels.jit import law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.excitation import Motion
 from seatdyn.model.system import BASE, SeatSystem
@@ -42,6 +43,7 @@ def lower(system: SeatSystem, motion: Motion) -> Plant:
 
     laws = [[element.lower() for element in channel.elements] for channel in channels]
     flat = [law for channel in laws for law in channel]
+    names = [element.name for channel in channels for element in channel.elements]
     lengths = [len(law.parameters) for law in flat]
     offsets = np.concatenate([[0], np.cumsum(lengths)])[:-1] if flat else np.zeros(0)
     # two elements may break at the same place; it is one event
@@ -64,11 +66,11 @@ def lower(system: SeatSystem, motion: Motion) -> Plant:
         channels=np.column_stack([np.append(first, 0), np.append(second, 0), _starts(laws), _starts(breaks)]),
         elements=np.array(
             [
-                (law.code, offset, law.address, any(spot.jumps for spot in law.breaks))
-                for law, offset in zip(flat, offsets, strict=True)
+                (law_address(law.function, name), offset)
+                for law, offset, name in zip(flat, offsets, names, strict=True)
             ],
             dtype=np.int64,
-        ).reshape(-1, 4),
+        ).reshape(-1, 2),
         parameters=np.array([*parameters, 0.0]),
         breaks=np.array(
             [(spot.displacement, spot.velocity, spot.value, spot.jumps) for spot in rows],

@@ -15,6 +15,7 @@ from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
 SUSPENSION = {BASE, SEAT}
+KIND: dict[type[Element], str] = {Spring: "spring", Damper: "damper"}
 
 
 def unique_names(elements: Sequence[Element]) -> list[str]:
@@ -31,9 +32,9 @@ def unique_names(elements: Sequence[Element]) -> list[str]:
 def motion_of(system: SeatSystem, samples: Samples, node: str, order: int) -> Array:
     """Displacement (order 0), velocity (1) or acceleration (2) of a node, (p,)."""
     if node == BASE:
-        return samples.base[order]
-    index = system.linear.index(node)
-    return (samples.displacement, samples.velocity, samples.acceleration)[order][:, index]
+        return np.asarray(samples.base[order])
+    motion = (samples.displacement, samples.velocity, samples.acceleration)[order]
+    return np.asarray(motion[:, system.linear.index(node)])
 
 
 def across(system: SeatSystem, samples: Samples, between: tuple[str, str], order: int) -> Array:
@@ -77,7 +78,7 @@ def suspension_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
         if set(element.between) != SUSPENSION:
             continue
         sign = 1.0 if element.between == (BASE, SEAT) else -1.0
-        kind = {Spring: "spring", Damper: "damper"}.get(type(element), "nonlinear")
+        kind = KIND.get(type(element), "nonlinear")
         total[kind] += sign * force
     return total
 
@@ -121,5 +122,3 @@ def body_force(system: SeatSystem, samples: Samples) -> Array:
         elif element.between[0] == SEAT:
             total = total - force
     return total
-
-

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Literal
 
@@ -24,6 +25,7 @@ from seatdyn.analysis.linear import (
     Linearise,
     Variable,
     as_linear_model,
+    check_told,
     companion,
     labelled,
     on_left,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 Method = Literal["hurwitz", "poles"]
 Progress = Callable[[float], None]
 FEWEST_PARAMETERS = 2
+MOST_POINTS = {"hurwitz": 20_000_000, "poles": 2_000_000}  # of a map; seconds to a minute
 CHUNK = 4096  # points whose matrices are held at once: some ten MB for 3 masses, and in cache
 
 
@@ -54,7 +57,7 @@ def is_stable(
     Raises
     ------
     RequestError
-        Unknown method, or a system that `poles` refuses.
+        Unknown method, or with "poles" a system that `poles` refuses.
 
     Examples
     --------
@@ -84,9 +87,9 @@ def stability_map(
     system, linearise : as in `poles`
     method : "hurwitz" (fast) or "poles" (gives the largest real part as well)
     progress : called with the fraction done
-    **parameters : name -> values, in any order: `seat_mass` (kg, > 0), `damping` (N s/m, >= 0) and
-        `stiffness` (N/m, >= 0) of the suspension as a whole, and the feedback gains of the body by
-        name (`k11` ...)
+    **parameters : name -> values, in any order: `seat_mass` (1e-6 .. 1e6 kg), `damping` (0 ..
+        1e9 N s/m) and `stiffness` (0 .. 1e12 N/m) of the suspension as a whole, and the feedback
+        gains of the body by name (`k11` ..., within +-1e12)
 
     Returns
     -------
@@ -97,8 +100,9 @@ def stability_map(
     Raises
     ------
     RequestError
-        Fewer than two or more than three parameters, an unknown one (with a suggestion), or a
-        value out of its range.
+        Fewer than two or more than three parameters, an unknown one (with a suggestion), a value
+        out of its range, more than 2e7 points ("poles": 2e6), or with "poles" a pole so fast that
+        its rounding hides the verdict.
 
     Notes
     -----
@@ -124,6 +128,12 @@ def stability_map(
     axes = {name: parameter_values(model, name, v) for name, v in parameters.items()}
     sizes = tuple(axis.size for axis in axes.values())
     names = tuple(axes)
+    if math.prod(sizes) > MOST_POINTS[method]:
+        raise RequestError(
+            f"The map has {' x '.join(map(str, sizes))} = {math.prod(sizes):.3g} points; with "
+            f"method {method!r} at most {MOST_POINTS[method]:.0e} are allowed. Take fewer points, "
+            "or find the edge itself with stability_boundary."
+        )
     text = "all poles have negative real parts"
     variables: dict[str, Variable]
     if method == "hurwitz":
@@ -205,12 +215,18 @@ def _checked(method: str) -> str:
 
 
 def _box(model: LinearModel, axes: Mapping[str, Array]) -> tuple[Array, list[Array]]:
-    """Corner polynomials of the smallest box around all values, and coordinates 0..1 in it."""
-    box = {name: (float(v.min()), float(v.max())) for name, v in axes.items()}
-    coordinates = [
-        (values - low) / ((high - low) or 1.0)
-        for values, (low, high) in zip(axes.values(), box.values(), strict=True)
-    ]
+    """Corner polynomials of a box, and the coordinates of all values in it, within -1 .. 1.
+
+    On each axis the box goes from the value next to zero to the one farthest from it, so that
+    small values keep their digits beside huge ones of either sign.
+    """
+    box: dict[str, tuple[float, float]] = {}
+    coordinates: list[Array] = []
+    for name, values in axes.items():
+        near = values[np.argmin(np.abs(values))]
+        far = values[np.argmax(np.abs(values - near))]
+        box[name] = (float(near), float(far))
+        coordinates.append((values - near) / ((far - near) or 1.0))
     missing = MAXIMUM_PARAMETERS - len(coordinates)
     like = coordinates[0] if coordinates else np.zeros(1)
     return corner_polynomials(model, box), coordinates + [np.zeros_like(like)] * missing
@@ -220,6 +236,7 @@ def _hurwitz_map(
     model: LinearModel, axes: Mapping[str, Array], progress: Progress | None
 ) -> NDArray[np.bool_]:
     from seatdyn.kernels.hurwitz import hurwitz_grid
+    from seatdyn.kernels.jit import CompileNotice
 
     # the kernel is quickest along its last axis, so axes that are missing come first
     corners, coordinates = _box(model, axes)
@@ -227,6 +244,8 @@ def _hurwitz_map(
     corners = np.ascontiguousarray(np.moveaxis(corners, range(len(axes)), range(missing, 3)))
     x, y, z = [np.zeros(1)] * missing + coordinates[: len(axes)]
     stable = np.empty((x.size, y.size, z.size), dtype=bool)
+    with CompileNotice():
+        hurwitz_grid(corners, x[:0], y, z, stable[:0])
     slabs = np.arange(y.size) if missing else np.arange(x.size)
     for i in slabs:
         if missing:
@@ -240,10 +259,12 @@ def _hurwitz_map(
 
 def _hurwitz_at(model: LinearModel, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
     from seatdyn.kernels.hurwitz import hurwitz_points
+    from seatdyn.kernels.jit import CompileNotice
 
     corners, coordinates = _box(model, columns)
     stable = np.empty(coordinates[0].size, dtype=bool)
-    hurwitz_points(corners, np.column_stack(coordinates), stable)
+    with CompileNotice():
+        hurwitz_points(corners, np.column_stack(coordinates), stable)
     return stable
 
 
@@ -252,7 +273,9 @@ def _rightmost(
 ) -> tuple[Array, Array]:
     """Largest real part and largest modulus of the poles at some points, (P,) each."""
     values = {name: column[part] for name, column in columns.items()}
-    poles = np.atleast_2d(np.linalg.eigvals(companion(*substituted(model, values))))
+    mass, damping, stiffness = substituted(model, values)
+    poles = np.atleast_2d(np.linalg.eigvals(companion(mass, damping, stiffness)))
+    check_told(poles, stiffness)
     return poles.real.max(axis=-1), np.abs(poles).max(axis=-1)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.outputs import named_outputs, output_unit
 from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
+from seatdyn.analysis.stability import is_stable
 from seatdyn.analysis.transient import (
     initial_state,
     run_attributes,
@@ -17,8 +18,16 @@ from seatdyn.analysis.transient import (
     warn_extrapolation,
 )
 from seatdyn.errors import RequestError, Status
+from seatdyn.model.elements import (
+    CoulombFriction,
+    NonlinearElement,
+    PiecewiseSpring,
+    Preload,
+    QuadraticDamper,
+)
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import SeatSystem
+from seatdyn.units import number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +40,7 @@ PER_PERIOD = 1024  # points of the period kept in the Dataset
 HARMONICS = 20
 CLOSE = 1e-3  # relative change per period below which Newton may finish
 PERTURBATION = 1e-5  # relative, for the monodromy matrix
+SELDOM = 128  # periods
 NEWTON_STEPS = 6
 
 
@@ -76,13 +86,20 @@ def steady_state(
     >>> round(float(state.amplitude.sel(output="acc_seat")), 5)
     4.01629
     """
+    tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
+    max_periods = round(number(max_periods, "max_periods", "", minimum=1.0, error=RequestError))
     problem = Problem.make(system, excitation.motion, settings)
     orbit = find_orbit(problem, excitation, tolerance, max_periods)
+    if orbit.status is Status.CONVERGED and orbit.run is not None:
+        balance = energy_balance(orbit.run)
+        orbit.residual = balance.residual
+        if not balance.closes(settings.rtol):
+            orbit.status = Status.INCONSISTENT
     data = _dataset(problem, orbit)
     data.attrs |= {
         "status": str(orbit.status),
         "message": orbit.status.message,
-        "error_estimate": orbit.error,
+        "error_estimate": max(orbit.error, settings.rtol),
         "floquet_max": orbit.multiplier,
         "periods": orbit.periods,
         "tolerance": tolerance,
@@ -91,7 +108,7 @@ def steady_state(
         warn_extrapolation(orbit.run)
         inputs = run_attributes(orbit.run, system, excitation)
         data.attrs |= {k: v for k, v in inputs.items() if k not in ("status", "message")}
-        data.attrs["energy_residual"] = energy_balance(orbit.run).residual
+        data.attrs["energy_residual"] = orbit.residual
     return data
 
 
@@ -119,6 +136,7 @@ class Orbit:
         """Keep what was found."""
         self.status, self.period, self.run = status, period, run
         self.error, self.multiplier, self.periods = error, multiplier, periods
+        self.residual = np.nan
 
 
 def find_orbit(
@@ -131,7 +149,8 @@ def find_orbit(
             f"{type(excitation).__name__} has no period, so there is no periodic steady state; "
             "use Sine or a SineSum of commensurable frequencies, or `simulate`."
         )
-    if not problem.system.channels and not _linear_stable(problem.system):
+    linear = all(is_affine(element) for element in problem.system.nonlinear_elements)
+    if linear and not is_stable(problem.system, linearise="tangent"):
         return Orbit(Status.UNSTABLE, period)
     state = problem.start(initial_state(problem, excitation, "rest"))
     changes: list[float] = []
@@ -148,9 +167,10 @@ def find_orbit(
             last = problem.run(0.0, period, run.end)
             return Orbit(Status.CONVERGED, period, last, error=max(remaining, changes[-1]),
                          multiplier=rate, periods=count)
-        # Newton costs as much as 2N periods: when they are few, or now and then when slow
+        # Newton costs as much as 2N periods: at once where it is exact, when the motion nearly
+        # repeats itself, and now and then where it creeps
         near = changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
-        if near and not run.end.is_held:
+        if (near or count % SELDOM == 0 or (linear and count == 1)) and not run.end.is_held:
             orbit = _newton(problem, period, run.end, tolerance, count)
             if orbit is not None:
                 return orbit
@@ -158,10 +178,16 @@ def find_orbit(
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
 
 
-def _linear_stable(system: SeatSystem) -> bool:
-    from seatdyn.analysis.stability import is_stable
-
-    return bool(is_stable(system))
+def is_affine(element: NonlinearElement) -> bool:
+    """Whether an element with a law of its own is linear or constant after all."""
+    if isinstance(element, Preload):
+        return True
+    if isinstance(element, PiecewiseSpring):
+        free = element.bump_clearance + element.rebound_clearance
+        return element.stiffness == 0.0 or free == 0.0
+    if isinstance(element, QuadraticDamper):
+        return element.coefficient == 0.0
+    return isinstance(element, CoulombFriction) and element.force == 0.0
 
 
 def _scales(problem: Problem, run: Run) -> Array:

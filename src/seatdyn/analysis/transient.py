@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,12 +23,12 @@ from seatdyn.analysis.outputs import (
     suspension_forces,
 )
 from seatdyn.analysis.run import Problem, Run, Samples, Settings
-from seatdyn.errors import ExtrapolationWarning, RequestError
-from seatdyn.kernels.columns import FIRST, SECOND
+from seatdyn.errors import ExtrapolationWarning, RequestError, Status
 from seatdyn.kernels import dense
+from seatdyn.kernels.columns import BREAKS, FIRST, IS_JUMP, ON_DISPLACEMENT, SECOND, VALUE
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import SeatSystem
-from seatdyn.units import number
+from seatdyn.units import LENGTH, SPEED, number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MOST_POINTS = 20_000_000  # of the output grid
 DEFAULT_STEP = 1e-3  # s
+BALANCED = 1e-9  # of the forces in balance: what an equilibrium may leave
 
 
 def simulate(
@@ -57,7 +59,8 @@ def simulate(
     duration : s, > 0
     output_step : s between output points; the solution itself takes the steps that it needs
     initial : "rest" in the absolute frame; "equilibrium" under constant forces (`Preload`);
-        "periodic" on the steady state; or an array of displacements, then velocities, (2N,)
+        "periodic" on the steady state; or an array of displacements (m, within +-1000), then
+        velocities (m/s, within +-1e4), (2N,)
     settings : accuracy and limits, see `Settings`
     energy_check : work out the energy balance (`energy_residual`, relative to the throughput)
     progress : called with the share done
@@ -72,7 +75,8 @@ def simulate(
     Raises
     ------
     RequestError
-        A duration or step that is not usable, or a grid of more than 20 million points.
+        No SeatSystem, no base motion, an initial state, duration or step that is not usable, or a
+        grid of more than 20 million points.
 
     Examples
     --------
@@ -92,6 +96,11 @@ def simulate(
     data.attrs |= run_attributes(run, system, excitation)
     if energy_check:
         balance = energy_balance(run)
+        if run.status is Status.OK and not balance.closes(run.problem.settings.rtol):
+            data.attrs |= {
+                "status": str(Status.INCONSISTENT),
+                "message": Status.INCONSISTENT.message,
+            }
         data.attrs |= {
             "energy_residual": balance.residual,
             "energy_change_J": balance.change,
@@ -112,7 +121,12 @@ def run_for(
     progress: Callable[[float], None] | None = None,
 ) -> Run:
     """The run behind `simulate`: steps and solution, without a Dataset."""
-    settings = settings or Settings()
+    check_request(system, excitation)
+    settings = Settings() if settings is None else settings
+    if not isinstance(settings, Settings):
+        raise RequestError(
+            f"settings = {reprlib.repr(settings)} is not allowed; use Settings(rtol=...) or None."
+        )
     duration = number(duration, "duration", "s", above=0.0, error=RequestError)
     output_step = number(output_step, "output_step", "s", above=0.0, error=RequestError)
     if output_step > duration:
@@ -126,15 +140,33 @@ def run_for(
             "Shorten the run or lengthen output_step."
         )
     problem = Problem.make(system, excitation.motion, settings)
-    if duration / problem.longest_step > settings.max_steps:
+    rows_per_step = 2 if problem.uses_ladder else 1  # of the ladder: two halves, a row each
+    rows = rows_per_step * duration / problem.longest_step
+    if rows > settings.max_steps:
         raise RequestError(
-            f"duration = {duration:g} s needs more than {duration / problem.longest_step:.3g} "
-            f"steps; at most {settings.max_steps} are allowed. Shorten the run."
+            f"duration = {duration:g} s needs about {rows:.3g} steps or more; at most "
+            f"{settings.max_steps} are allowed. Shorten the run, or raise Settings.max_steps."
         )
     y = initial_state(problem, excitation, initial)
     run = problem.run(0.0, duration, problem.start(y), progress)
     warn_extrapolation(run)
     return run
+
+
+def check_request(system: Any, excitation: Any) -> None:
+    """Refuse what is no seat system, or no base motion, in a request for a time run."""
+    if not isinstance(system, SeatSystem):
+        given = getattr(system, "name", None) or reprlib.repr(system)
+        raise RequestError(
+            f"system = {given} ({type(system).__name__}) is not allowed: simulate needs a "
+            "SeatSystem, and so does steady_state; put the body on a Seat: "
+            "SeatSystem(body, Seat(mass, [...]))."
+        )
+    if not isinstance(excitation, Excitation):
+        raise RequestError(
+            f"excitation = {reprlib.repr(excitation)} is no base motion; use Sine, SineSum, Step, "
+            "HalfSineShock, Sweep, Record or Still."
+        )
 
 
 def initial_state(
@@ -157,40 +189,97 @@ def initial_state(
             f"initial = {initial!r} is not allowed; use 'rest', 'equilibrium', 'periodic' or an "
             f"array of {size} numbers."
         )
-    y = np.asarray(initial, dtype=float).ravel()
+    nodes = problem.system.nodes
+    wanted = f"the displacements (m) of {nodes}, then their velocities (m/s)."
+    try:
+        y = np.array(initial, dtype=float).ravel()
+    except (TypeError, ValueError, OverflowError):
+        raise RequestError(
+            f"initial = {reprlib.repr(initial)} is no list of numbers; it must have {size} finite "
+            f"ones: {wanted}"
+        ) from None
     if y.size != size or not np.all(np.isfinite(y)):
         raise RequestError(
-            f"initial has {y.size} numbers; it must have {size} finite ones: the displacements "
-            f"(m) of {problem.system.nodes}, then their velocities (m/s)."
+            f"initial has {y.size} numbers; it must have {size} finite ones: {wanted}"
         )
+    for i, value in enumerate(y):
+        moving = i >= size // 2
+        label = f"initial[{i}] ({'velocity' if moving else 'displacement'} of {(nodes * 2)[i]!r})"
+        most = (SPEED if moving else LENGTH)["maximum"]
+        unit = "m/s" if moving else "m"
+        number(value, label, unit, minimum=-most, maximum=most, error=RequestError)
     return y
 
 
 def equilibrium(problem: Problem) -> Array:
-    """Displacements (N,) at which all forces balance, the base held at its start."""
+    """Displacements (N,) at which all forces balance, the base held at its start.
+
+    Where a force that jumps bears the load somewhere inside its jump, the channel rests on it.
+    """
+    n, breaks = problem.system.linear.size, problem.plant.breaks
+    state = balance(problem)
+    if state is not None:
+        return state[:n]
+    for j in range(problem.plant.gain.shape[0]):
+        for row in range(problem.plant.channels[j, BREAKS], problem.plant.channels[j + 1, BREAKS]):
+            if not breaks[row, IS_JUMP] or not breaks[row, ON_DISPLACEMENT]:
+                continue
+            place = breaks[row, VALUE] / breaks[row, ON_DISPLACEMENT]
+            state = balance(problem, j, place)
+            if state is None:
+                continue
+            either = [pull_at_rest(problem, j, np.nextafter(place, s)) for s in (-np.inf, np.inf)]
+            if min(either) <= state[n] <= max(either):
+                return state[:n]
+    raise RequestError(
+        "initial = 'equilibrium' is not possible: no state in which the constant forces are "
+        "balanced was found near zero. Start from 'rest' or from an array, or give the loaded "
+        "nodes a spring."
+    )
+
+
+def balance(problem: Problem, held: int = -1, place: float = 0.0) -> Array | None:
+    """Displacements (N,) at which all forces balance, or None.
+
+    Channel `held` (-1: none) is kept at the displacement `place`; the force in N that it needs
+    follows the displacements.
+    """
     from scipy.optimize import root
 
     linear, plant = problem.system.linear, problem.plant
+    n, m = linear.size, plant.gain.shape[0]
     x0 = float(problem.motion.evaluate(0.0))
+    between = [(plant.channels[j, FIRST], plant.channels[j, SECOND]) for j in range(m)]
 
-    def unbalanced(z: Array) -> Array:
-        force = linear.stiffness @ z - linear.drive_stiffness * x0
-        extended = np.append(z, x0)
-        for j in range(plant.gain.shape[0]):
-            d = extended[plant.channels[j, SECOND]] - extended[plant.channels[j, FIRST]]
-            pull = dense.element_forces(plant, j, np.array([d]), np.zeros(1)).sum()
-            for node, sign in ((plant.channels[j, SECOND], 1.0), (plant.channels[j, FIRST], -1.0)):
+    def across(state: Array, j: int) -> float:
+        first, second = (state[node] if node >= 0 else x0 for node in between[j])
+        return float(second - first)
+
+    def pulls(state: Array) -> Array:
+        """Forces of the channels on the nodes, (m, N)."""
+        result = np.zeros((m, n))
+        for j in range(m):
+            pull = state[n] if j == held else pull_at_rest(problem, j, across(state, j))
+            for node, sign in zip(between[j], (-1.0, 1.0), strict=True):
                 if node >= 0:
-                    force[node] += sign * pull
-        return np.asarray(force)
+                    result[j, node] = sign * pull
+        return result
 
-    solution = root(unbalanced, np.zeros(linear.size), tol=1e-12)
-    if not solution.success:
-        raise RequestError(
-            "No static equilibrium was found near zero; start from 'rest' or from an array. "
-            f"({solution.message})"
-        )
-    return np.asarray(solution.x)
+    def unbalanced(state: Array) -> Array:
+        force = linear.stiffness @ state[:n] - linear.drive_stiffness * x0 + pulls(state).sum(0)
+        return np.append(force, across(state, held) - place) if held >= 0 else np.asarray(force)
+
+    state = np.asarray(root(unbalanced, np.zeros(n + (held >= 0)), tol=1e-12).x)
+    size = np.abs(linear.stiffness) @ np.abs(state[:n]) + np.abs(linear.drive_stiffness * x0)
+    size += np.abs(pulls(state)).sum(0)
+    off = np.abs(unbalanced(state))
+    balanced = np.all(off[:n] <= BALANCED * size.max()) and np.all(off[n:] <= BALANCED)
+    return state if balanced else None
+
+
+def pull_at_rest(problem: Problem, j: int, d: float) -> float:
+    """Force of channel j in N at the displacement d (m) across it and no velocity."""
+    return float(dense.element_forces(problem.plant, j, np.array([d]), np.zeros(1)).sum())
 
 
 def warn_extrapolation(run: Run) -> None:
@@ -272,5 +361,3 @@ def run_attributes(run: Run, system: SeatSystem, excitation: Excitation) -> dict
             {"system": repr(system), "excitation": repr(excitation), "notes": excitation.notes}
         ),
     }
-
-

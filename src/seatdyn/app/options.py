@@ -60,9 +60,11 @@ def number_option(
 
     def read(value: str | float) -> float:
         try:
-            return float(value)
+            return parsed(value)
         except ValueError:
-            raise typer.BadParameter(f"{value!r} is not a number") from None
+            raise typer.BadParameter(
+                f"{value!r} is not a number; write it like 9950, 0.02 or 1e-3"
+            ) from None
 
     return typer.Option(
         name,
@@ -282,10 +284,19 @@ def numbers(name: str, given: Sequence[str], names: str) -> list[float]:
     values = []
     for label, text in zip(names.split(), given, strict=True):
         try:
-            values.append(float(text))
+            values.append(parsed(text))
         except ValueError:
-            raise RequestError(f"{name}: {label} = {text!r} is not a number.") from None
+            raise RequestError(
+                f"{name}: {label} = {text!r} is not a number; write it like 9950, 0.02 or 1e-3."
+            ) from None
     return values
+
+
+def parsed(text: str | float) -> float:
+    """Read a number; Python's underscores are refused, for 1_0 is more often a slip than 10."""
+    if "_" in str(text):
+        raise ValueError(text)
+    return float(text)
 
 
 def points(name: str, request: Range, *, logarithmic: bool = False) -> NDArray[Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # channels: node where it starts and ends, begin of its elements and breaks in their tables
 FIRST, SECOND, ELEMENTS, BREAKS = 0, 1, 2, 3
-# elements: law, begin of its parameters, address of a user law, whether the law jumps
-CODE, OFFSET, ADDRESS, JUMPS = 0, 1, 2, 3
+# elements: address of the compiled law, begin of its parameters
+ADDRESS, OFFSET = 0, 1
 # breaks: on the line displacement*d + velocity*v = value, whether a law jumps there
 ON_DISPLACEMENT, ON_VELOCITY, VALUE, IS_JUMP = 0, 1, 2, 3

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatdyn.kernels.columns import ELEMENTS, CODE, OFFSET, ADDRESS, JUMPS
+from seatdyn.kernels.call import call_law
+from seatdyn.kernels.columns import ELEMENTS, OFFSET, ADDRESS
+from seatdyn.kernels.holding import held_element_forces
 from seatdyn.kernels.jit import kernel
-from seatdyn.kernels.laws import law_force
 from seatdyn.kernels.plant import (
     FREE,
     accelerations,
@@ -65,19 +66,14 @@ def sample(plant, record, marks, index, share):
         for j in range(m):
             d, speed = relative(plant, j, y, base[0], base[1])
             d, speed = on_side(plant, j, d, speed, side)
-            total, jumper = 0.0, -1
             for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-                code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
-                address = plant.elements[e, ADDRESS]
-                forces[p, e] = law_force(code, d, speed, plant.parameters, offset, address)
-                elastic[p, e] = law_force(code, d, 0.0, plant.parameters, offset, address)
-                total += forces[p, e]
-                if plant.elements[e, JUMPS] == 1:
-                    jumper = e
-            if held[j] >= 0 and jumper >= 0:
-                # held at a jump: the element that jumps carries whatever balances
-                forces[p, jumper] += force[j] - total
-                elastic[p, jumper] += force[j] - total
+                address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
+                forces[p, e] = call_law(address, d, speed, plant.parameters, offset)
+                elastic[p, e] = call_law(address, d, 0.0, plant.parameters, offset)
+            if held[j] >= 0:
+                held_element_forces(plant, j, y, base, side, held[j], force[j], forces[p])
+                for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+                    elastic[p, e] = forces[p, e]
     return times, bases, z, v, a, forces, elastic
 
 
@@ -87,9 +83,7 @@ def element_forces(plant, j, d, v):
     begin, end = plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]
     result = np.empty((d.size, end - begin))
     for e in range(begin, end):
-        code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
+        address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
         for p in range(d.size):
-            result[p, e - begin] = law_force(
-                code, d[p], v[p], plant.parameters, offset, plant.elements[e, ADDRESS]
-            )
+            result[p, e - begin] = call_law(address, d[p], v[p], plant.parameters, offset)
     return result

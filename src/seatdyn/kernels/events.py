@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatdyn.kernels.columns import BREAKS, ON_DISPLACEMENT, ON_VELOCITY, VALUE
+from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.jit import inlined, kernel
 from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
 
+ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
 PROBES = 16  # points at which a step with a possible crossing is searched
 BISECTIONS = 60
 
@@ -86,6 +87,46 @@ def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
         else:
             high = middle
     return high
+
+
+@kernel
+def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
+    """Earliest break met in the step: share of the step (2 if none), its row and channel."""
+    best, row, channel = 2.0, -1, -1
+    for j in range(plant.gain.shape[0]):
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            if held[j] == r:
+                continue
+            g0, s0, c0 = distance(plant, r, j, y, base, a, side)
+            g1, s1, c1 = distance(plant, r, j, y1, base1, a1, side)
+            curved = plant.breaks[r, ON_VELOCITY] == 0.0
+            tolerance = 4 * break_tolerance(plant, r, z_scale, v_scale)
+            share = first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance)
+            if share < best:
+                best, row, channel = share, r, j
+    return best, row, channel
+
+
+@inlined
+def far_from_breaks(plant, base0, base1, base2, y0, y1, y2, a0, a1, a2, side, z_scale, v_scale):
+    """Whether no break can be met in two steps: distances positive and never turning up inside."""
+    for j in range(plant.gain.shape[0]):
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            g0, s0, _ = distance(plant, r, j, y0, base0, a0, side)
+            g1, s1, _ = distance(plant, r, j, y1, base1, a1, side)
+            g2, s2, _ = distance(plant, r, j, y2, base2, a2, side)
+            near = 8 * break_tolerance(plant, r, z_scale, v_scale)
+            if min(g0, g1, g2) <= near or (s0 < 0.0 < s1) or (s1 < 0.0 < s2):
+                return False
+    return True
+
+
+@kernel
+def break_tolerance(plant, r, z_scale, v_scale):
+    """Distance to break r that counts as being on it; a kink does no harm at first order."""
+    p, q = abs(plant.breaks[r, ON_DISPLACEMENT]), abs(plant.breaks[r, ON_VELOCITY])
+    share = ROUNDING if plant.breaks[r, IS_JUMP] == 1 else KINK
+    return share * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
 
 
 @kernel

@@ -33,7 +33,41 @@ class Ladder(NamedTuple):
     response: np.ndarray  # (L, 2, p, 2N) |end state| per unit of a constant, and of the third
 
 
+class Work(NamedTuple):
+    """Arrays of a ladder step: what it starts from and gives, and scratch."""
+
+    row: np.ndarray  # (2N + 5p,) state and nodal inputs
+    base: np.ndarray  # (5, 3) base displacement, velocity, acceleration at the nodes
+    result: np.ndarray  # (6N,) state and acceleration at the middle and at the end
+    before: np.ndarray  # (5, m) nodal forces of the step before
+    weights: np.ndarray  # (5, 5) that extrapolate them
+    ratio: np.ndarray  # (1,) of the step sizes that the weights are for
+    tolerance: np.ndarray  # (m,) N
+    known: np.ndarray  # (8m,)
+    motion: np.ndarray  # (8m,)
+    past: np.ndarray  # (4, 4m)
+    effect: np.ndarray  # (2N,)
+
+
 @kernel
+def make_work(n, m):
+    """Arrays for N = n free nodes and m channels."""
+    return Work(
+        np.zeros(2 * n + 5 * (m + 2)),
+        np.zeros((5, 3)),
+        np.zeros(6 * n),
+        np.zeros((5, m)),
+        np.zeros((5, 5)),
+        np.zeros(1),
+        np.zeros(m),
+        np.zeros(8 * m),
+        np.zeros(8 * m),
+        np.zeros((4, 4 * m)),
+        np.zeros(2 * n),
+    )
+
+
+@inlined
 def prediction(ratio, weights):
     """Weights (5, 5) that carry a quartic over one step to the nodes of the next, h2/h1 = ratio."""
     for i in range(5):
@@ -183,3 +217,68 @@ def interpolation_error(h, y0, ym, y1, a0, a1, z_tolerance, v_tolerance):
         rate_error = max(0.0, abs(ym[n + i] - v) - noise * (abs(z0) + abs(z1)))
         worst = max(worst, abs(ym[i] - z) / 64 / z_tolerance, rate_error / 32 / v_tolerance)
     return worst
+
+
+@inlined
+def guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work):
+    """First guess of the nodal forces in the row, and the changes that count as small."""
+    m = force0.size
+    inputs = m + 2
+    if h_before > 0.0 and h / h_before != work.ratio[0]:
+        work.ratio[0] = h / h_before
+        prediction(work.ratio[0], work.weights)
+    for j in range(m):
+        place = work.row.size - 5 * inputs + j
+        work.row[place] = force0[j]
+        for i in range(1, 5):
+            guess = force0[j]
+            if h_before > 0.0:
+                guess = 0.0
+                for q in range(5):
+                    guess += work.weights[i, q] * work.before[q, j]
+            work.row[place + i * inputs] = guess
+        reach = plant.gain[j, j] * h
+        work.tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
+
+
+@kernel
+def ladder_step(
+    plant, ladder, level, t, segment, y, a0, force0, h_before, side, z_tolerance, v_tolerance, work
+):
+    """Try a step of the size of `level`; the outcome stands in `work`.
+
+    `h_before` is the size of the ladder step just before, or 0 where its forces say nothing about
+    this one. Returns the number of iterations of the forces (0: they did not repeat), the
+    truncation error and the interpolation error, both over their tolerance.
+    """
+    h, n = ladder.step[level], a0.size
+    row, result = work.row, work.result
+    for i in range(2 * n):
+        row[i] = y[i]
+    place_base(plant, ladder.turn[level], t, h, segment, row, work.base)
+    iterations = 1
+    if force0.size > 0:
+        guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work)
+        iterations = collocate(
+            plant, ladder.relative[level], row, work.base, side, work.tolerance, work.known,
+            work.motion, work.past,
+        )  # fmt: skip
+        if iterations == 0:
+            return 0, np.inf, np.inf
+    carry(ladder.advance[level], row, result)
+    error = truncation(ladder, level, row, work.effect, z_tolerance, v_tolerance)
+    ym, y1, a1 = result[: 2 * n], result[3 * n : 5 * n], result[5 * n :]
+    gap = interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
+    return iterations, error, gap
+
+
+@kernel
+def keep_forces(work, force0):
+    """After an accepted step: its nodal forces for the next guess, its last one as start."""
+    m = force0.size
+    first = work.row.size - 5 * (m + 2)
+    for q in range(5):
+        for j in range(m):
+            work.before[q, j] = work.row[first + q * (m + 2) + j]
+    for j in range(m):
+        force0[j] = work.before[4, j]

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatdyn.kernels.columns import ON_DISPLACEMENT, VALUE
+from seatdyn.kernels.call import call_law
+from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import one_sided_forces
 from seatdyn.kernels.jit import kernel
-from seatdyn.kernels.plant import FREE, accelerations, base_motion, relative
+from seatdyn.kernels.plant import FREE, accelerations, base_motion, on_side, relative
 
 
 @kernel
@@ -49,6 +50,35 @@ def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
     excess = (v - plant.breaks[r, VALUE]) if on_velocity else v
     for i in range(n):
         y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
+
+
+@kernel
+def held_element_forces(plant, j, y, base, side, r, force, result):
+    """Forces (e,) of the elements of channel j while it is held at break r with `force` in all.
+
+    Each element that jumps there carries the same share of its jump.
+    """
+    d, v = relative(plant, j, y, base[0], base[1])
+    if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
+        d, v = plant.breaks[r, VALUE], 0.0
+    else:
+        v = plant.breaks[r, VALUE]
+    trial = side.copy()
+    trial[r] = -1
+    d_low, v_low = on_side(plant, j, d, v, trial)
+    trial[r] = 1
+    d_high, v_high = on_side(plant, j, d, v, trial)
+    below = jumps = 0.0
+    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+        address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
+        result[e] = call_law(address, d_low, v_low, plant.parameters, offset)
+        below += result[e]
+        jumps += call_law(address, d_high, v_high, plant.parameters, offset) - result[e]
+    share = (force - below) / jumps if jumps != 0.0 else 0.0
+    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+        address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
+        above = call_law(address, d_high, v_high, plant.parameters, offset)
+        result[e] += share * (above - result[e])
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Routh-Hurwitz test of many polynomials that are multi-affine in three parameters.
 
-Corner polynomials come as (2, 2, 2, degree + 1), highest power first, at the corners of the box of
-the parameters; coordinates run from 0 to 1 along its edges.
+Corner polynomials come as (2, 2, 2, degree + 1), highest power first, at the corners of a box of
+the parameters; coordinates are 0 and 1 there, and may lie outside.
 """
 
 from __future__ import annotations

@@ -8,11 +8,20 @@ accelerations at both ends; the solution between them is a quintic (`dense`).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from seatdyn.kernels.columns import BREAKS, ON_DISPLACEMENT, ON_VELOCITY, VALUE, IS_JUMP
+from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.kernels import exponential as ex
-from seatdyn.kernels.events import distance, first_zero, sides_of
+from seatdyn.kernels.events import (
+    ROUNDING,
+    break_tolerance,
+    distance,
+    far_from_breaks,
+    find_event,
+    sides_of,
+)
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
 from seatdyn.kernels.jit import inlined, kernel
 from seatdyn.kernels.plant import accelerations, base_motion, segment_at
@@ -20,8 +29,8 @@ from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
 LARGEST = 1e9  # m or m/s: no seat moves that far
-ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion
-REFINEMENTS = 40
+REFINEMENTS = 60
+HOLDING_TOLERANCE = 1e-10  # N: a holding force this near to the end of its jump lets go
 FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
 LANDING_SHARE = 0.02  # of the tolerance: a landing is no less accurate than ladder steps are
 LANDING = 5e-3  # s, the same for the steps that land on a break
@@ -34,58 +43,24 @@ OVERSHOOT = 1.1  # a landing step reaches a little beyond the break that it is t
 
 
 @kernel
-def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
-    """Earliest break met in the step: share of the step (2 if none), its row and channel."""
-    best, row, channel = 2.0, -1, -1
-    for j in range(plant.gain.shape[0]):
-        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-            if held[j] == r:
-                continue
-            g0, s0, c0 = distance(plant, r, j, y, base, a, side)
-            g1, s1, c1 = distance(plant, r, j, y1, base1, a1, side)
-            curved = plant.breaks[r, ON_VELOCITY] == 0.0
-            tolerance = 4 * break_tolerance(plant, r, z_scale, v_scale)
-            share = first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance)
-            if share < best:
-                best, row, channel = share, r, j
-    return best, row, channel
-
-
-@inlined
-def far_from_breaks(plant, base0, base1, base2, y0, y1, y2, a0, a1, a2, side, z_scale, v_scale):
-    """Whether no break can be met in two steps: distances positive and never turning up inside."""
-    for j in range(plant.gain.shape[0]):
-        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-            g0, s0, _ = distance(plant, r, j, y0, base0, a0, side)
-            g1, s1, _ = distance(plant, r, j, y1, base1, a1, side)
-            g2, s2, _ = distance(plant, r, j, y2, base2, a2, side)
-            near = 8 * break_tolerance(plant, r, z_scale, v_scale)
-            if min(g0, g1, g2) <= near or (s0 < 0.0 < s1) or (s1 < 0.0 < s2):
-                return False
-    return True
-
-
-@kernel
-def break_tolerance(plant, r, z_scale, v_scale):
-    """Distance to break r that counts as being on it; a kink does no harm at first order."""
-    p, q = abs(plant.breaks[r, ON_DISPLACEMENT]), abs(plant.breaks[r, ON_VELOCITY])
-    share = ROUNDING if plant.breaks[r, IS_JUMP] == 1 else KINK
-    return share * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
-
-
-@kernel
-def land(plant, t, trial, high, segment, y, k, side, held, holding, y1, force, row, channel, tolerance):
+def land(
+    plant, t, trial, high, segment, y, k, side, held, holding, y1, force, row, channel, tolerance
+):
     """Take a step of about `trial` s, at most `high`, that ends on break `row`.
 
-    Returns its size and the distance left to the break.
+    With `row` < 0 it ends where a holding force leaves its jump. Returns the size of the step and
+    the distance left to the break.
     """
     n = y.size // 2
-    low, h, g = 0.0, trial, np.inf
+    low, h, g, slope = 0.0, trial, np.inf, 0.0
     for _ in range(REFINEMENTS):
         h = trial
         rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force)
-        base = base_motion(plant, t + h, segment)
-        g, slope, _ = distance(plant, row, channel, y1, base, k[6, n:], side)
+        if row < 0:
+            g, _ = held_margin(plant, t + h, segment, y1, side, held, force)
+        else:
+            base = base_motion(plant, t + h, segment)
+            g, slope, _ = distance(plant, row, channel, y1, base, k[6, n:], side)
         if abs(g) <= tolerance or high - low <= 4e-16 * max(abs(t), 1e-3):
             break
         if g > 0.0:
@@ -99,21 +74,20 @@ def land(plant, t, trial, high, segment, y, k, side, held, holding, y1, force, r
 
 
 @kernel
-def land_on_release(plant, t, h, segment, y, k, side, held, y1, force):
-    """Repeat the step so that it ends where a holding force leaves its jump."""
-    low, high = 0.0, h
-    channel = -1
-    for _ in range(REFINEMENTS):
-        h = 0.5 * (low + high)
-        rk_step(plant, t, h, segment, y, k, side, held, True, y1, force)
-        margin, at = held_margin(plant, t + h, segment, y1, side, held, force)
-        if margin < 0.0:
-            high, channel = h, at
-        else:
-            low = h
-    rk_step(plant, t, high, segment, y, k, side, held, True, y1, force)
-    _, at = held_margin(plant, t + high, segment, y1, side, held, force)
-    return high, max(channel, at)
+def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force):
+    """Go over to the other side of a break, or rest on it."""
+    side[row] = -side[row]
+    if plant.breaks[row, IS_JUMP] == 1:
+        try_to_hold(plant, t, segment, y, row, channel, side, held, stick_speed, force)
+
+
+@kernel
+def is_holding(held):
+    """Whether some channel rests on a jump."""
+    for j in range(held.size):
+        if held[j] >= 0:
+            return True
+    return False
 
 
 @kernel
@@ -179,14 +153,10 @@ def integrate(
     marks = np.empty((capacity, side.size + m), np.int64)
 
     y, a0 = y0.copy(), np.zeros(n)
-    result = np.empty(6 * n)  # of a ladder step: state and acceleration at its middle and end
+    work = ex.make_work(n, m)
+    base, result = work.base, work.result
     ym, am, y1, a1 = result[: 2 * n], result[2 * n : 3 * n], result[3 * n : 5 * n], result[5 * n :]
     k, force, force0 = np.empty((7, 2 * n)), np.zeros(m), np.zeros(m)
-    inputs = m + 2
-    row, before, base = np.zeros(2 * n + 5 * inputs), np.zeros((5, m)), np.empty((5, 3))
-    known, motion, past = np.empty(8 * m), np.empty(8 * m), np.zeros((4, 4 * m))
-    tolerance = np.empty(m)
-    weights, ratio, scratch = np.empty((5, 5)), 0.0, np.empty(2 * n)
     side, held = side.copy(), held.copy()
     t = t0
     segment = segment_at(plant, t)
@@ -198,9 +168,11 @@ def integrate(
             sides_of(plant, y, start, a0, side)
             accelerations(plant, start, y, side, held, a0, force0)
 
-    steps, events, status, flips = 0, 0, OK, 0
+    steps, events, status, flips = np.int64(0), 0, OK, 0
     window, in_window = t, 0
     z_scale, v_scale = z_floor, v_floor
+    # a displacement of 1 m moves velocities by its rounding times the fastest rate
+    rounding = 1e-15 * math.sqrt(np.abs(plant.linear[:, : 2 * n]).max())
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level, patience = START_LEVEL, 0
     h_before = 0.0  # size of the ladder step before, if its forces can be extrapolated
@@ -229,10 +201,9 @@ def integrate(
         if not (z_scale < LARGEST and v_scale < LARGEST):
             status = DIVERGED
             break
-        z_tolerance, v_tolerance = rtol * z_scale, rtol * v_scale
-        holding = False
-        for j in range(m):
-            holding = holding or held[j] >= 0
+        z_tolerance = rtol * z_scale
+        v_tolerance = max(rtol * v_scale, rounding * z_scale)
+        holding = is_holding(held)
         if steps + 3 >= record.shape[0]:
             longer = 2 * record.shape[0]
             record = grow(record, np.empty((longer, record.shape[1])))
@@ -249,53 +220,33 @@ def integrate(
             fit -= 1
         if use_ladder and not holding and fit >= 0 and t >= rk_until and goal == 0.0:
             h = ladder.step[fit]
-            copy(y, row)
-            ex.place_base(plant, ladder.turn[fit], t, h, segment, row, base)
-            iterations = 1
-            if m > 0:
-                if h_before > 0.0 and h / h_before != ratio:
-                    ratio = h / h_before
-                    ex.prediction(ratio, weights)
-                for j in range(m):
-                    place = 2 * n + j
-                    row[place] = force0[j]
-                    for i in range(1, 5):
-                        guess = force0[j]
-                        if h_before > 0.0:
-                            guess = 0.0
-                            for q in range(5):
-                                guess += weights[i, q] * before[q, j]
-                        row[place + i * inputs] = guess
-                    reach = plant.gain[j, j] * h
-                    tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
-                iterations = ex.collocate(
-                    plant, ladder.relative[fit], row, base, side, tolerance, known, motion, past
-                )
+            iterations, truncation, gap = ex.ladder_step(
+                plant, ladder, fit, t, segment, y, a0, force0, h_before, side, z_tolerance,
+                v_tolerance, work,
+            )  # fmt: skip
             if iterations == 0:
                 level, patience = fit - 1, PATIENCE
                 h_before = 0.0
                 if level < 0:
                     level, rk_until = 0, t + h
                 continue
-            ex.carry(ladder.advance[fit], row, result)
-            truncation = ex.truncation(ladder, fit, row, scratch, z_tolerance, v_tolerance)
             start = (base[0, 0], base[0, 1], base[0, 2])
             middle = (base[2, 0], base[2, 1], base[2, 2])
             end = (base[4, 0], base[4, 1], base[4, 2])
-            gap = ex.interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
             share, place, channel, reach = 2.0, -1, -1, 0.0
             if not far_from_breaks(
                 plant, start, middle, end, y, ym, y1, a0, am, a1, side, z_scale, v_scale
             ):
-                share, place, channel = find_event(
-                    plant, 0.5 * h, start, middle, y, ym, a0, am, side, held, z_scale, v_scale
-                )
-                reach = 0.5 * h * share
-                if share > 1.0:
+                for half in range(2):
+                    y_half, a_half, y_next, a_next = (y, a0, ym, am) if half == 0 else (ym, am, y1, a1)
                     share, place, channel = find_event(
-                        plant, 0.5 * h, middle, end, ym, y1, am, a1, side, held, z_scale, v_scale
-                    )
-                    reach = 0.5 * h * (1.0 + share)
+                        plant, 0.5 * h, start if half == 0 else middle,
+                        middle if half == 0 else end, y_half, y_next, a_half, a_next, side, held,
+                        z_scale, v_scale,
+                    )  # fmt: skip
+                    if share <= 1.0:
+                        reach = 0.5 * h * (half + share)
+                        break
             if share <= 1.0:
                 # even if the step is not accurate: beyond the break it was on the wrong branch
                 h_before = 0.0
@@ -315,11 +266,7 @@ def integrate(
             t = stop if stop - (t + h) <= ROUNDING * max(abs(t), 1.0) else t + h
             copy(y1, y)
             copy(a1, a0)
-            for q in range(5):
-                for j in range(m):
-                    before[q, j] = row[2 * n + q * inputs + j]
-            for j in range(m):
-                force0[j] = before[4, j]
+            ex.keep_forces(work, force0)
             h_before = h
             flips = 0
             patience -= 1
@@ -341,22 +288,10 @@ def integrate(
         for i in range(n):
             k[0, i] = y[n + i]
             k[0, n + i] = a0[i]
+        let_go = -1
         if goal > 0.0:
-            place, channel, share = ahead_row, ahead_channel, 1.0
+            place, channel, share = ahead_row, ahead_channel, goal / h
             high = min(OVERSHOOT * goal + ladder.step[0], stop - t)
-            reach = break_tolerance(plant, place, z_scale, v_scale)
-            h, missed = land(
-                plant, t, goal, high, segment, y, k, side, held, holding, y1, force, place, channel, reach
-            )
-            error = rk_error(k, h, n, LANDING_SHARE * z_tolerance, LANDING_SHARE * v_tolerance)
-            if missed > 4 * reach or not error <= 1.0:
-                # nothing there after all, or too far for one step: walk there, or come nearer
-                longest_landing = 0.7 * h
-                ahead = np.inf
-                if missed > 4 * reach or longest_landing < ladder.step[0]:
-                    rk_until = t + high
-                continue
-            longest_landing = max(longest_landing, h * min(2.0, 0.8 * max(error, 1e-10) ** -0.2))
         else:
             rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force)
             error = rk_error(k, h, n, z_tolerance, v_tolerance)
@@ -366,38 +301,49 @@ def integrate(
             factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
             last_error = max(error, 1e-4)
             h_rk = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
-            start, end = base_motion(plant, t, segment), base_motion(plant, t + h, segment)
+            end = base_motion(plant, t + h, segment)
             share, place, channel = find_event(
-                plant, h, start, end, y, y1, a0, k[6, n:], side, held, z_scale, v_scale
-            )
+                plant, h, base_motion(plant, t, segment), end, y, y1, a0, k[6, n:], side, held,
+                z_scale, v_scale,
+            )  # fmt: skip
+            high = h
             if share == 0.0:
                 if flips > 2 * side.size:
                     share = 2.0  # going along a break: either branch gives the same motion
                 else:
                     flips += 1
                     events += 1
-                    side[place] = -side[place]
-                    if plant.breaks[place, IS_JUMP] == 1:
-                        try_to_hold(
-                            plant, t, segment, y, place, channel, side, held, stick_speed, force
-                        )
+                    pass_break(
+                        plant, t, segment, y, place, channel, side, held, stick_speed, force
+                    )
                     fresh = True
                     continue
-            if share <= 1.0:
-                reach = break_tolerance(plant, place, z_scale, v_scale)
-                h, _ = land(
-                    plant, t, share * h, h, segment, y, k, side, held, holding, y1, force, place, channel,
-                    reach,
-                )
+            if holding:
+                margin, let_go = held_margin(plant, t + h, segment, y1, side, held, force)
+                if margin < 0.0:
+                    place, share = -1, 0.5
+                else:
+                    let_go = -1
         flips = 0
-        let_go = -1
-        if holding:
-            margin, _ = held_margin(plant, t + h, segment, y1, side, held, force)
-            if margin < 0.0:
-                share = 2.0
-                h, let_go = land_on_release(
-                    plant, t, h, segment, y, k, side, held, y1, force
-                )
+        if share <= 1.0 or goal > 0.0:
+            reach = HOLDING_TOLERANCE
+            if place >= 0:
+                reach = break_tolerance(plant, place, z_scale, v_scale)
+            h, missed = land(
+                plant, t, share * h, high, segment, y, k, side, held, holding, y1, force, place,
+                channel, reach,
+            )  # fmt: skip
+            share = 1.0
+        if goal > 0.0:
+            error = rk_error(k, h, n, LANDING_SHARE * z_tolerance, LANDING_SHARE * v_tolerance)
+            if missed > 4 * reach or not error <= 1.0:
+                # nothing there after all, or too far for one step: walk there, or come nearer
+                longest_landing = 0.7 * h
+                ahead = np.inf
+                if missed > 4 * reach or longest_landing < ladder.step[0]:
+                    rk_until = t + high
+                continue
+            longest_landing = max(longest_landing, h * min(2.0, 0.8 * max(error, 1e-10) ** -0.2))
 
         if t + h > t:
             save_step(record, marks, steps, t, y, a0, k[6, n:], side, held)
@@ -406,7 +352,7 @@ def integrate(
         copy(y1, y)
         copy(k[6, n:], a0)
         copy(force, force0)
-        if share <= 1.0 or let_go >= 0:
+        if share <= 1.0:
             fresh = True
             rk_until, ahead = -np.inf, np.inf
             events += 1
@@ -419,10 +365,6 @@ def integrate(
             if let_go >= 0:
                 release(plant, t, segment, y, let_go, side, held, force)
             else:
-                side[place] = -side[place]
-                if plant.breaks[place, IS_JUMP] == 1:
-                    try_to_hold(
-                        plant, t, segment, y, place, channel, side, held, stick_speed, force
-                    )
+                pass_break(plant, t, segment, y, place, channel, side, held, stick_speed, force)
     save_step(record, marks, steps, t, y, a0, a0, side, held)
     return status, events, side, held, record[: steps + 1].copy(), marks[: steps + 1].copy()

@@ -23,7 +23,7 @@ from numba import types
 
 logger = logging.getLogger("seatdyn")
 
-USER_LAW = types.float64(types.float64, types.float64, types.CPointer(types.float64))
+LAW = types.float64(types.float64, types.float64, types.CPointer(types.float64))
 COMPILE_HINT_AFTER = 1.0  # s; a cached start is over by then
 
 
@@ -83,12 +83,12 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 @functools.cache
-def user_force(function: Callable[[float, float, Any], float], name: str) -> Any:
-    """Compile a user's law F(d, v, p) to a C function; `address` of the result is its address."""
+def compiled_law(function: Callable[[float, float, Any], float], name: str) -> Any:
+    """Compile a force law F(d, v, p) to a C function; `address` of the result is its address."""
     from seatdyn.errors import ModelError
 
     def make(f: Callable[..., Any], *, cache: bool) -> Any:
-        return numba.cfunc(USER_LAW, cache=cache)(f)
+        return numba.cfunc(LAW, cache=cache, error_model="numpy")(f)
 
     try:
         return _compile(make, function)
@@ -100,9 +100,9 @@ def user_force(function: Callable[[float, float, Any], float], name: str) -> Any
         ) from None
 
 
-def user_force_address(function: Callable[[float, float, Any], float], name: str) -> int:
-    """Address of the compiled user law."""
-    return int(user_force(function, name).address)
+def law_address(function: Callable[[float, float, Any], float], name: str) -> int:
+    """Address of the compiled force law."""
+    return int(compiled_law(function, name).address)
 
 
 class CompileNotice:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, CODE, OFFSET, ADDRESS, ON_DISPLACEMENT, VALUE, IS_JUMP
+from seatdyn.kernels.call import call_law
+from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, OFFSET, ADDRESS, ON_DISPLACEMENT, VALUE, IS_JUMP
 from seatdyn.kernels.jit import inlined, kernel
-from seatdyn.kernels.laws import law_force
 
 FREE = -1  # a channel that is not held at a jump
 
@@ -26,7 +26,7 @@ class Plant(NamedTuple):
     pull: np.ndarray  # (N, m) acceleration lost per unit force of a channel
     gain: np.ndarray  # (m, m) relative acceleration of channel i lost per unit force of channel j
     channels: np.ndarray  # (m+1, 4) int: nodes (-1 is the base), begin of its elements and breaks
-    elements: np.ndarray  # (e, 4) int: code, begin of its parameters, address of a user law, jumps
+    elements: np.ndarray  # (e, 2) int: address of its law, begin of its parameters
     parameters: np.ndarray
     breaks: np.ndarray  # (b, 4) displacement, velocity, value, 1 where a law jumps and 0 for a kink
     segments: np.ndarray  # (k, 10) start, polynomial (6), sine: amplitude, omega, phase
@@ -111,8 +111,9 @@ def channel_force(plant, j, d, v, side):
     d, v = on_side(plant, j, d, v, side)
     total = 0.0
     for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-        code, offset = plant.elements[e, CODE], plant.elements[e, OFFSET]
-        total += law_force(code, d, v, plant.parameters, offset, plant.elements[e, ADDRESS])
+        total += call_law(
+            plant.elements[e, ADDRESS], d, v, plant.parameters, plant.elements[e, OFFSET]
+        )
     return total
 
 

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import reprlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from seatdyn.errors import ModelError
-from seatdyn.units import number, quantity, suggestion, validated
+from seatdyn.units import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    Limits,
+    either_sign,
+    number,
+    quantity,
+    suggestion,
+    validated,
+)
 
 SEAT = "seat"
+SUSPENSION_PARAMETERS = ("damping", "stiffness", "seat_mass")  # named so in every system
+WEIGHT = Limits(minimum=-1e3, maximum=1e3)
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -22,13 +36,13 @@ class Link:
     Parameters
     ----------
     between : the two nodes, e.g. ``("seat", "m1")``
-    stiffness : N/m, finite (a negative value models an active element and is allowed)
-    damping : N s/m, finite
+    stiffness : N/m, within +-1e12 (a negative value models an active element and is allowed)
+    damping : N s/m, within +-1e9
     """
 
     between: tuple[str, str]
-    stiffness: float = quantity("N/m", default=0.0)
-    damping: float = quantity("N s/m", default=0.0)
+    stiffness: float = quantity("N/m", default=0.0, **either_sign(STIFFNESS))
+    damping: float = quantity("N s/m", default=0.0, **either_sign(DAMPING))
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -42,28 +56,36 @@ class FeedbackTerm:
 
     Parameters
     ----------
-    name : name of the gain, unique in its body (``"k11"``)
-    gain : N/m for `of` = "displacement", N s/m for `of` = "velocity"
+    name : name of the gain, unique in its body (``"k11"``); not "damping", "stiffness" or
+        "seat_mass", which name the suspension
+    gain : N/m for `of` = "displacement", N s/m for `of` = "velocity"; within +-1e12
     of : "displacement" or "velocity" (absolute)
-    weights : node name -> weight; the base of the body is ``"seat"``
+    weights : node name -> weight within +-1000; the base of the body is ``"seat"``
     """
 
     name: str
-    gain: float = quantity("N/m or N s/m")
+    gain: float = quantity("N/m or N s/m", **either_sign(STIFFNESS))
     of: Literal["displacement", "velocity"] = "displacement"
     weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check every field."""
         validated(self)
+        if not isinstance(self.name, str) or not self.name or self.name in SUSPENSION_PARAMETERS:
+            raise ModelError(
+                f"FeedbackTerm.name = {self.name!r} is not allowed; it must be a text, and not one "
+                f"of {SUSPENSION_PARAMETERS}, which name the suspension. Rename the gain, such as "
+                "'k11'."
+            )
         if self.of not in ("displacement", "velocity"):
             raise ModelError(
                 f"FeedbackTerm.of = {self.of!r} of term {self.name!r} is not allowed; "
                 "it must be 'displacement' or 'velocity'."
             )
+        term = f"of term {self.name!r}"
         weights = {
-            node: number(value, f"FeedbackTerm.weights[{node!r}] of term {self.name!r}", "")
-            for node, value in dict(self.weights).items()
+            node: number(value, f"FeedbackTerm.weights[{node!r}] {term}", "", **WEIGHT)
+            for node, value in named_numbers(self.weights, f"FeedbackTerm.weights {term}").items()
         }
         object.__setattr__(self, "weights", weights)
 
@@ -79,7 +101,8 @@ class FeedbackForce:
     def __post_init__(self) -> None:
         """Check the node pair and freeze the terms."""
         node_pair((self.on, self.reaction), "FeedbackForce.on, reaction")
-        object.__setattr__(self, "terms", tuple(self.terms))
+        terms = list_of(FeedbackTerm, self.terms, "FeedbackForce.terms")
+        object.__setattr__(self, "terms", terms)
 
 
 @dataclass(frozen=True)
@@ -89,8 +112,10 @@ class SeatedBody:
     Parameters
     ----------
     name : identifier
-    masses : node name -> mass in kg, > 0; the node ``"seat"`` may be named too: a mass that moves
-        rigidly with the seat surface (>= 0); alone it is an inert load
+    masses : node name -> mass in kg, 1e-6 .. 1e6; the node ``"seat"`` may be named too: a mass that
+        moves rigidly with the seat surface (0 .. 1e6); alone it is an inert load. A node name is a
+        text without "-" that does not begin with "acc_" or "F_" and is not "base": outputs are
+        named so.
     links : springs and dampers between nodes, in any topology
     feedback : active forces; their gains may act on absolute motions, so that the body need be
         neither translation nor velocity invariant
@@ -108,19 +133,17 @@ class SeatedBody:
     def __post_init__(self) -> None:
         """Check masses, nodes and that every mass hangs on something."""
         masses = {}
-        for node, value in dict(self.masses).items():
-            label = f"SeatedBody({self.name!r}).masses[{node!r}]"
-            if node == "base":
-                raise ModelError(f"{label}: the name 'base' is reserved for the base under the seat.")
-            if node == SEAT:
-                masses[node] = number(value, label, "kg", minimum=0.0)
-            else:
-                masses[node] = number(value, label, "kg", above=0.0)
+        label = f"SeatedBody({self.name!r})"
+        for node, value in named_numbers(self.masses, f"{label}.masses").items():
+            check_node_name(node, f"{label}.masses")
+            limits = Limits(minimum=0.0, maximum=MASS["maximum"]) if node == SEAT else MASS
+            masses[node] = number(value, f"{label}.masses[{node!r}]", "kg", **limits)
         if not any(masses.values()):
             raise ModelError(f"SeatedBody({self.name!r}) has no mass; name at least one.")
         object.__setattr__(self, "masses", masses)
-        object.__setattr__(self, "links", tuple(self.links))
-        object.__setattr__(self, "feedback", tuple(self.feedback))
+        object.__setattr__(self, "links", list_of(Link, self.links, f"{label}.links"))
+        feedback = list_of(FeedbackForce, self.feedback, f"{label}.feedback")
+        object.__setattr__(self, "feedback", feedback)
         known = {SEAT, *masses}
         for link in self.links:
             self._require(known, link.between, "links")
@@ -171,6 +194,43 @@ class SeatedBody:
         return bool(self.feedback)
 
 
+def check_node_name(node: Any, label: str) -> None:
+    """Refuse a node name that the name of an output could be mistaken for."""
+    if not isinstance(node, str) or not node:
+        raise ModelError(f"{label} names a node {node!r}; a name must be a text, such as 'm1'.")
+    if node == "base":
+        raise ModelError(
+            f"{label}[{node!r}]: the name 'base' is reserved for the base under the seat; "
+            "rename the node."
+        )
+    if "-" in node or node.startswith(("acc_", "F_")):
+        raise ModelError(
+            f"{label}[{node!r}]: outputs are named 'acc_...', 'F_...' and 'm2-m1', so that a node "
+            "must not contain '-' or begin with 'acc_' or 'F_'; rename the node."
+        )
+
+
+def named_numbers(value: Any, label: str) -> dict[Any, Any]:
+    """Return a dict of what must map node names to numbers."""
+    if not isinstance(value, Mapping):
+        raise ModelError(
+            f"{label} = {reprlib.repr(value)} is of the wrong kind; it must map node names to "
+            "numbers, such as {'m1': 9.1}."
+        )
+    return dict(value)
+
+
+def list_of(kind: type[Item], values: Any, label: str) -> tuple[Item, ...]:
+    """Return a tuple of what must be a list of objects of one kind."""
+    items = tuple(values) if isinstance(values, Iterable) else (values,)
+    if not isinstance(values, Iterable) or not all(isinstance(item, kind) for item in items):
+        raise ModelError(
+            f"{label} = {reprlib.repr(values)} is of the wrong kind; it must be a list of "
+            f"{kind.__name__} objects."
+        )
+    return items
+
+
 def node_pair(value: Any, label: str) -> tuple[str, str]:
     """Return a checked pair of different node names."""
     is_list = isinstance(value, list | tuple)
@@ -216,6 +276,8 @@ def load_body(name: str | Path) -> SeatedBody:
         content = (folder / f"{text}.toml").read_bytes()
     try:
         return body_from_dict(tomllib.loads(content.decode("utf-8")))
+    except ModelError:
+        raise
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"Body file {text!r} is not valid TOML: {error}.") from None
     except KeyError as error:
@@ -223,7 +285,7 @@ def load_body(name: str | Path) -> SeatedBody:
             f"Body file {text!r}: the field {error} is missing or misspelt. A body needs name, "
             "masses and links."
         ) from None
-    except (TypeError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError) as error:
         raise ModelError(
             f"Body file {text!r} has a field that is unknown or of the wrong kind: {error}."
         ) from None

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels import codes
 from seatdyn.model.elements import Break, Law, NonlinearElement
 from seatdyn.units import number, suggestion
 
@@ -52,13 +51,10 @@ class CustomElement(NonlinearElement):
         return self.law
 
     def lower(self) -> Law:
-        """Compile the function (kept on disk where it has a source file) and place its breaks."""
-        from seatdyn.kernels.jit import user_force_address
-
+        """The law with its breaks placed."""
         law = self._require_law()
         breaks = self._breaks(law.jumps_at, True) + self._breaks(law.kinks_at, False)
-        address = user_force_address(law.function, self.name)
-        return Law(codes.USER, self.values, tuple(breaks), address=address)
+        return Law(law.function, self.values, tuple(breaks))
 
     def _breaks(self, where: Where, jumps: bool) -> list[Break]:
         law = self._require_law()

@@ -9,12 +9,26 @@ the others become rows of a table that the compiled kernels read (`lower`).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels import codes
+from seatdyn.kernels import laws
 from seatdyn.model.body import node_pair
-from seatdyn.units import number, quantity, validated
+from seatdyn.units import (
+    DAMPING,
+    FORCE,
+    LENGTH,
+    STIFFNESS,
+    Limits,
+    either_sign,
+    number,
+    quantity,
+    validated,
+)
+
+COEFFICIENT = Limits(minimum=-1e24, maximum=1e24)  # of a polynomial, in the unit of its power
 
 
 @dataclass(frozen=True)
@@ -29,21 +43,19 @@ class Break:
 
 @dataclass(frozen=True)
 class Law:
-    """A force law as the kernels see it: its number, parameters and breaks.
+    """A force law as the kernels see it: its function F(d, v, p), parameters p and breaks.
 
-    `address` is the address of a compiled function for user laws; `limits` is the range of a
-    measured table (on d or v) outside which the law extrapolates.
+    `limits` is the range of a measured table (on d or v) outside which the law extrapolates.
     """
 
-    code: int
+    function: Callable[[float, float, Any], float]
     parameters: tuple[float, ...]
     breaks: tuple[Break, ...] = ()
-    address: int = 0
     limits: tuple[str, float, float] | None = None
 
 
 @dataclass(frozen=True)
-class Element(ABC):
+class Element:
     """Base of all elements."""
 
     between: tuple[str, str] = field(default=("base", "seat"), kw_only=True)
@@ -72,7 +84,7 @@ class LinearElement(Element):
 
 
 @dataclass(frozen=True)
-class NonlinearElement(Element):
+class NonlinearElement(Element, ABC):
     """An element with a force law of its own."""
 
     @abstractmethod
@@ -90,10 +102,10 @@ class Spring(LinearElement):
 
     Parameters
     ----------
-    stiffness : k in N/m, >= 0
+    stiffness : k in N/m, 0 .. 1e12
     """
 
-    stiffness: float = quantity("N/m", minimum=0.0)
+    stiffness: float = quantity("N/m", **STIFFNESS)
 
 
 @dataclass(frozen=True)
@@ -102,10 +114,10 @@ class Damper(LinearElement):
 
     Parameters
     ----------
-    coefficient : c in N s/m, >= 0
+    coefficient : c in N s/m, 0 .. 1e9
     """
 
-    coefficient: float = quantity("N s/m", minimum=0.0)
+    coefficient: float = quantity("N s/m", **DAMPING)
 
 
 @dataclass(frozen=True)
@@ -114,14 +126,14 @@ class QuadraticDamper(NonlinearElement):
 
     Parameters
     ----------
-    coefficient : beta in N s2/m2, >= 0
+    coefficient : beta in N s2/m2, 0 .. 1e9
     """
 
-    coefficient: float = quantity("N s2/m2", minimum=0.0)
+    coefficient: float = quantity("N s2/m2", **DAMPING)
 
     def lower(self) -> Law:
         """The law; its second derivative jumps at v = 0."""
-        return Law(codes.QUADRATIC, (self.coefficient,), (Break(0.0, 1.0, 0.0, jumps=False),))
+        return Law(laws.quadratic, (self.coefficient,), (Break(0.0, 1.0, 0.0, jumps=False),))
 
     def tangent(self) -> tuple[float, float]:
         """Zero at rest."""
@@ -134,16 +146,16 @@ class CoulombFriction(NonlinearElement):
 
     Parameters
     ----------
-    force : F_c in N, >= 0
-    slope : in s/m, > 0; the paper uses 1000. Below about 1/slope the element creeps.
+    force : F_c in N, 0 .. 1e9
+    slope : in s/m, 1e-6 .. 1e9; the paper uses 1000. Below about 1/slope the element creeps.
     """
 
-    force: float = quantity("N", minimum=0.0)
-    slope: float = quantity("s/m", default=1000.0, above=0.0)
+    force: float = quantity("N", **FORCE)
+    slope: float = quantity("s/m", default=1000.0, minimum=1e-6, maximum=1e9)
 
     def lower(self) -> Law:
         """The law, smooth."""
-        return Law(codes.COULOMB, (self.force, self.slope))
+        return Law(laws.coulomb, (self.force, self.slope))
 
     def tangent(self) -> tuple[float, float]:
         """Damping (2/pi) F_c slope of the smoothed law at rest."""
@@ -160,25 +172,25 @@ class PiecewiseSpring(NonlinearElement):
 
     Parameters
     ----------
-    stiffness : gamma in N/m, >= 0
-    bump_clearance : free travel in compression, m, >= 0 (paper: 0.02)
-    rebound_clearance : free travel in extension, m, >= 0 (paper: 0.01)
+    stiffness : gamma in N/m, 0 .. 1e12
+    bump_clearance : free travel in compression, m, 0 .. 1000 (paper: 0.02)
+    rebound_clearance : free travel in extension, m, 0 .. 1000 (paper: 0.01)
     jumping : the paper's jumping form, or the continuous one
     """
 
-    stiffness: float = quantity("N/m", minimum=0.0)
-    bump_clearance: float = quantity("m", minimum=0.0)
-    rebound_clearance: float = quantity("m", minimum=0.0)
+    stiffness: float = quantity("N/m", **STIFFNESS)
+    bump_clearance: float = quantity("m", **LENGTH)
+    rebound_clearance: float = quantity("m", **LENGTH)
     jumping: bool = field(default=True, kw_only=True)
 
     def lower(self) -> Law:
         """The law with a break at either end of the free zone."""
-        code = codes.JUMP if self.jumping else codes.GAP
+        law = laws.jump if self.jumping else laws.gap
         edges = (-self.bump_clearance, self.rebound_clearance)
         breaks = tuple(
             Break(1.0, 0.0, edge, jumps=self.jumping and edge != 0.0) for edge in sorted(set(edges))
         )
-        return Law(code, (self.stiffness, *edges), breaks if self.stiffness else ())
+        return Law(law, (self.stiffness, *edges), breaks if self.stiffness else ())
 
     def tangent(self) -> tuple[float, float]:
         """Zero inside the free zone; its stiffness (mean of both sides) where there is none."""
@@ -194,16 +206,16 @@ class EndStop(NonlinearElement):
 
     Parameters
     ----------
-    stiffness : k in N/m, >= 0
-    bump_clearance : free travel in compression, m, >= 0
-    rebound_clearance : free travel in extension, m, >= 0
-    damping : c in N s/m, >= 0
+    stiffness : k in N/m, 0 .. 1e12
+    bump_clearance : free travel in compression, m, 0 .. 1000
+    rebound_clearance : free travel in extension, m, 0 .. 1000
+    damping : c in N s/m, 0 .. 1e9
     """
 
-    stiffness: float = quantity("N/m", minimum=0.0)
-    bump_clearance: float = quantity("m", minimum=0.0)
-    rebound_clearance: float = quantity("m", minimum=0.0)
-    damping: float = quantity("N s/m", default=0.0, minimum=0.0)
+    stiffness: float = quantity("N/m", **STIFFNESS)
+    bump_clearance: float = quantity("m", **LENGTH)
+    rebound_clearance: float = quantity("m", **LENGTH)
+    damping: float = quantity("N s/m", default=0.0, **DAMPING)
 
     def lower(self) -> Law:
         """The law: damping makes it jump at contact; it has a kink where the push ends."""
@@ -211,7 +223,7 @@ class EndStop(NonlinearElement):
         breaks = [Break(1.0, 0.0, edge, jumps=c > 0.0) for edge in sorted({-b, r})]
         if c > 0.0:
             breaks += [Break(k, c, edge, jumps=False) for edge in sorted({-k * b, k * r})]
-        return Law(codes.END_STOP, (k, -b, r, c), tuple(breaks))
+        return Law(laws.end_stop, (k, -b, r, c), tuple(breaks))
 
     def tangent(self) -> tuple[float, float]:
         """Zero inside the free travel; mean of both sides where there is none."""
@@ -228,13 +240,13 @@ class TangentPolynomialSpring(NonlinearElement):
 
     Parameters
     ----------
-    tangent_stiffness : k_t in N/m, >= 0
-    travel : L in m, > 0
-    polynomial : a1 ... a5 in N/m, N/m2, ... (up to five numbers)
+    tangent_stiffness : k_t in N/m, 0 .. 1e12
+    travel : L in m, 1e-6 .. 1000
+    polynomial : a1 ... a5 in N/m, N/m2, ... (up to five numbers within +-1e24)
     """
 
-    tangent_stiffness: float = quantity("N/m", minimum=0.0)
-    travel: float = quantity("m", above=0.0)
+    tangent_stiffness: float = quantity("N/m", **STIFFNESS)
+    travel: float = quantity("m", minimum=1e-6, maximum=LENGTH["maximum"])
     polynomial: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -246,7 +258,7 @@ class TangentPolynomialSpring(NonlinearElement):
     def lower(self) -> Law:
         """The law, smooth inside the travel."""
         parameters = (self.tangent_stiffness, self.travel, *self.polynomial)
-        return Law(codes.TANGENT_POLYNOMIAL, parameters)
+        return Law(laws.tangent_polynomial, parameters)
 
     def tangent(self) -> tuple[float, float]:
         """Sum k_t + a1."""
@@ -259,7 +271,7 @@ class PolynomialDamper(NonlinearElement):
 
     Parameters
     ----------
-    polynomial : c0 ... c4 in N s/m, N s/m2, ... (up to five numbers)
+    polynomial : c0 ... c4 in N s/m, N s/m2, ... (up to five numbers within +-1e24)
     """
 
     polynomial: tuple[float, ...] = ()
@@ -272,7 +284,7 @@ class PolynomialDamper(NonlinearElement):
 
     def lower(self) -> Law:
         """The law, smooth."""
-        return Law(codes.POLYNOMIAL_DAMPER, self.polynomial)
+        return Law(laws.polynomial_damper, self.polynomial)
 
     def tangent(self) -> tuple[float, float]:
         """The coefficient c0."""
@@ -285,17 +297,17 @@ class AsymmetricDamper(NonlinearElement):
 
     Parameters
     ----------
-    bump : coefficient in compression, N s/m, >= 0
-    rebound : coefficient in extension, N s/m, >= 0
+    bump : coefficient in compression, N s/m, 0 .. 1e9
+    rebound : coefficient in extension, N s/m, 0 .. 1e9
     """
 
-    bump: float = quantity("N s/m", minimum=0.0)
-    rebound: float = quantity("N s/m", minimum=0.0)
+    bump: float = quantity("N s/m", **DAMPING)
+    rebound: float = quantity("N s/m", **DAMPING)
 
     def lower(self) -> Law:
         """The law with its kink at v = 0."""
         kink = (Break(0.0, 1.0, 0.0, jumps=False),)
-        return Law(codes.ASYMMETRIC_DAMPER, (self.bump, self.rebound), kink)
+        return Law(laws.asymmetric_damper, (self.bump, self.rebound), kink)
 
     def tangent(self) -> tuple[float, float]:
         """Mean of both branches (the law has a kink at rest)."""
@@ -311,14 +323,14 @@ class Preload(NonlinearElement):
 
     Parameters
     ----------
-    force : N
+    force : N, -1e9 .. 1e9
     """
 
-    force: float = quantity("N")
+    force: float = quantity("N", **either_sign(FORCE))
 
     def lower(self) -> Law:
         """The law, constant."""
-        return Law(codes.CONSTANT, (self.force,))
+        return Law(laws.constant, (self.force,))
 
     def tangent(self) -> tuple[float, float]:
         """Zero."""
@@ -327,7 +339,11 @@ class Preload(NonlinearElement):
 
 def coefficients(values: tuple[float, ...], count: int, label: str) -> tuple[float, ...]:
     """Return 1 to `count` finite coefficients, padded with zeros to `count`."""
-    given = tuple(number(value, f"{label}[{i}]", "") for i, value in enumerate(values))
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise ModelError(f"{label} = {values!r} must be a list of 1 to {count} numbers.")
+    given = tuple(
+        number(value, f"{label}[{i}]", "", **COEFFICIENT) for i, value in enumerate(values)
+    )
     if not 1 <= len(given) <= count:
         raise ModelError(f"{label} has {len(given)} coefficients; it must have 1 to {count}.")
     return given + (0.0,) * (count - len(given))

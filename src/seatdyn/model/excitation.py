@@ -8,8 +8,9 @@ other, in the kernels and here, and integration stops at every segment boundary.
 from __future__ import annotations
 
 import math
+import reprlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -18,11 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatdyn.errors import ExcitationError
-from seatdyn.units import number
+from seatdyn.units import ACCELERATION, FREQUENCY, Limits, number
 
 Array = NDArray[np.float64]
 DEGREES = 6  # coefficients of a segment's polynomial: cubic acceleration, quintic displacement
 LARGEST_DENOMINATOR = 1000
+LONGEST_PERIOD = 1000  # of a sum of sines, in periods of its lowest frequency
+PHASE = Limits(minimum=-1e6, maximum=1e6)  # rad
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class Motion:
         result = np.zeros_like(t)
         for j in range(DEGREES - 1, derivative - 1, -1):
             result = result * tau + factor[j] * self.polynomials[k, j]
-        result += _sine(*np.moveaxis(self.segment_sines[k], -1, 0), tau, derivative)
+        amplitude, omega, phase = np.moveaxis(self.segment_sines[k], -1, 0)
+        result += _sine(amplitude, omega, phase, tau, derivative)
         for amplitude, omega, phase in self.sines:
             result += _sine(amplitude, omega, phase, t, derivative)
         return result
@@ -127,14 +131,16 @@ class Still(Excitation):
 
 @dataclass(frozen=True)
 class Sine(Excitation):
-    """Sinusoidal base acceleration a sin(w t + phase), free of drift: x0 = -(a/w^2) sin(w t + phase).
+    """Sinusoidal base acceleration a sin(w t + phase), free of drift.
+
+    Its displacement is x0 = -(a/w^2) sin(w t + phase).
 
     Parameters
     ----------
-    frequency : Hz, > 0
-    amplitude : peak acceleration, m/s2, >= 0
-    rms : r.m.s. acceleration, m/s2, >= 0; give exactly one of `amplitude` and `rms`
-    phase : rad
+    frequency : Hz, 1e-4 .. 1e5
+    amplitude : peak acceleration, m/s2, 0 .. 1e6
+    rms : r.m.s. acceleration, m/s2, 0 .. 1e6; give exactly one of `amplitude` and `rms`
+    phase : rad, within +-1e6
 
     Examples
     --------
@@ -150,9 +156,9 @@ class Sine(Excitation):
 
     def __post_init__(self) -> None:
         """Check frequency and that exactly one level is given."""
-        hint = "A motion at zero frequency has no finite displacement."
-        set_number(self, "frequency", "Hz", above=0.0, hint=hint)
-        set_number(self, "phase", "rad")
+        hint = "Towards zero frequency the displacement has no bound; check the unit."
+        set_number(self, "frequency", "Hz", **FREQUENCY, hint=hint)
+        set_number(self, "phase", "rad", **PHASE)
         peak_level(self)
 
     @property
@@ -177,20 +183,24 @@ class SineSum(Excitation):
 
     Parameters
     ----------
-    parts : two or more `Sine`
+    parts : one or more `Sine`
     """
 
     parts: Sequence[Sine]
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        object.__setattr__(self, "parts", tuple(self.parts))
-        if not self.parts or not all(isinstance(part, Sine) for part in self.parts):
-            raise ExcitationError("SineSum.parts must be a list of at least one Sine.")
+        parts = tuple(self.parts) if isinstance(self.parts, Iterable) else ()
+        if not parts or not all(isinstance(part, Sine) for part in parts):
+            raise ExcitationError(
+                f"SineSum.parts = {reprlib.repr(self.parts)} is not allowed; it must be a list of "
+                "at least one Sine, such as [Sine(1.5, amplitude=0.5), Sine(4.0, amplitude=1.0)]."
+            )
+        object.__setattr__(self, "parts", parts)
 
     @property
     def period(self) -> float | None:
-        """Common period in s where the frequencies have small integer ratios, else None."""
+        """Common period in s, or None above 1000 periods of the lowest frequency."""
         lowest = min(part.frequency for part in self.parts)
         steps = 1
         for part in self.parts:
@@ -199,7 +209,7 @@ class SineSum(Excitation):
             if abs(float(fraction) - ratio) > 1e-12 * ratio:
                 return None
             steps = math.lcm(steps, fraction.denominator)
-        return steps / lowest
+        return steps / lowest if steps <= LONGEST_PERIOD else None
 
     def lower(self) -> Motion:
         """Lasting sines."""
@@ -211,8 +221,8 @@ def set_number(
     name: str,
     unit: str,
     *,
-    minimum: float = -math.inf,
-    above: float | None = None,
+    minimum: float,
+    maximum: float,
     hint: str = "",
 ) -> None:
     """Check and convert one field of a frozen excitation."""
@@ -221,7 +231,7 @@ def set_number(
         f"{type(obj).__name__}.{name}",
         unit,
         minimum=minimum,
-        above=above,
+        maximum=maximum,
         hint=hint,
         error=ExcitationError,
     )
@@ -233,13 +243,15 @@ def peak_level(obj: object) -> float:
     name = type(obj).__name__
     amplitude, rms = getattr(obj, "amplitude", None), getattr(obj, "rms", None)
     if (amplitude is None) == (rms is None):
-        given = "neither" if amplitude is None else "both"
+        given = (
+            "neither was given; pass one of them"
+            if amplitude is None
+            else "both were given; pass one of them"
+        )
         raise ExcitationError(
-            f"{name} needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), "
-            f"but {given} was given."
+            f"{name} needs exactly one level, amplitude (m/s2 peak) or rms (m/s2), but {given}."
         )
     if amplitude is not None:
-        label = f"{name}.amplitude"
-        return number(amplitude, label, "m/s2", minimum=0.0, error=ExcitationError)
-    level = number(rms, f"{name}.rms", "m/s2", minimum=0.0, error=ExcitationError)
+        return number(amplitude, f"{name}.amplitude", "m/s2", **ACCELERATION, error=ExcitationError)
+    level = number(rms, f"{name}.rms", "m/s2", **ACCELERATION, error=ExcitationError)
     return level * math.sqrt(2.0)

@@ -12,9 +12,14 @@ import numpy as np
 from seatdyn.errors import DriftWarning, ExcitationError
 from seatdyn.model.excitation import DEGREES, Array, Excitation, Motion, peak_level, set_number
 from seatdyn.model.integration import integrate_samples
+from seatdyn.units import ACCELERATION, DURATION, FREQUENCY, LENGTH, Limits, either_sign
 
 SMOOTH_STEP = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # 0 to 1, velocity and acceleration 0
 POINTS_PER_PERIOD = 100  # of the fastest motion of a sweep; spline error below 1e-7
+MOST_SEGMENTS = 5_000_000  # of a sweep
+LATEST = 1e9  # s
+SHOCK_DURATION = Limits(minimum=1e-6, maximum=1e3)  # s
+SPREAD = Limits(minimum=1e-3, maximum=1e6)
 
 
 @dataclass(frozen=True)
@@ -23,9 +28,9 @@ class Step(Excitation):
 
     Parameters
     ----------
-    height : h in m
-    duration : rise time, s, > 0
-    start : s, >= 0
+    height : h in m, within +-1000
+    duration : rise time, s, 1e-6 .. 1e9
+    start : s, 0 .. 1e9
     """
 
     height: float
@@ -34,9 +39,9 @@ class Step(Excitation):
 
     def __post_init__(self) -> None:
         """Check every number."""
-        set_number(self, "height", "m")
-        set_number(self, "duration", "s", above=0.0)
-        set_number(self, "start", "s", minimum=0.0)
+        set_number(self, "height", "m", **either_sign(LENGTH))
+        set_number(self, "duration", "s", **DURATION)
+        set_number(self, "start", "s", minimum=0.0, maximum=LATEST)
 
     def lower(self) -> Motion:
         """Still, rising, still."""
@@ -58,11 +63,11 @@ class HalfSineShock(Excitation):
 
     Parameters
     ----------
-    amplitude : peak acceleration a, m/s2 (either sign)
-    duration : D of the pulse, s, > 0
-    start : begin of the main pulse, s; default: as early as the pulse before it allows
+    amplitude : peak acceleration a, m/s2, within +-1e6
+    duration : D of the pulse, s, 1e-6 .. 1000
+    start : begin of the main pulse, s, up to 1e9; default: as early as the pulse before it allows
     residual : "compensate", or "keep" the final velocity (warned about)
-    spread : length of each compensating pulse over `duration`, > 0
+    spread : length of each compensating pulse over `duration`, 1e-3 .. 1e6
 
     Examples
     --------
@@ -80,9 +85,9 @@ class HalfSineShock(Excitation):
 
     def __post_init__(self) -> None:
         """Check every number, and that there is room for the pulse before."""
-        set_number(self, "amplitude", "m/s2")
-        set_number(self, "duration", "s", above=0.0)
-        set_number(self, "spread", "", above=0.0)
+        set_number(self, "amplitude", "m/s2", **either_sign(ACCELERATION))
+        set_number(self, "duration", "s", **SHOCK_DURATION)
+        set_number(self, "spread", "", **SPREAD)
         if self.residual not in ("compensate", "keep"):
             raise ExcitationError(
                 f"HalfSineShock.residual = {self.residual!r} is not allowed; "
@@ -91,7 +96,7 @@ class HalfSineShock(Excitation):
         earliest = self.spread * self.duration if self.residual == "compensate" else 0.0
         object.__setattr__(self, "start", earliest if self.start is None else self.start)
         hint = "The compensating pulse before it needs this time; or use residual='keep'."
-        set_number(self, "start", "s", minimum=earliest, hint=hint)
+        set_number(self, "start", "s", minimum=earliest, maximum=LATEST, hint=hint)
         if self.residual == "keep":
             warnings.warn(
                 f"HalfSineShock(residual='keep') leaves the base with a velocity of "
@@ -155,9 +160,9 @@ class Sweep(Excitation):
 
     Parameters
     ----------
-    begin, end : frequencies in Hz, > 0
-    duration : s, > 0
-    amplitude, rms : level in m/s2, peak or r.m.s.; exactly one
+    begin, end : frequencies in Hz, 1e-4 .. 1e5
+    duration : s, 1e-6 .. 1e9; 100 segments per period of the higher frequency, at most 5e6 in all
+    amplitude, rms : level in m/s2, 0 .. 1e6, peak or r.m.s.; exactly one
     spacing : "linear" or "logarithmic" in time
     """
 
@@ -170,13 +175,26 @@ class Sweep(Excitation):
 
     def __post_init__(self) -> None:
         """Check every number and that exactly one level is given."""
-        for name, unit in (("begin", "Hz"), ("end", "Hz"), ("duration", "s")):
-            set_number(self, name, unit, above=0.0)
+        set_number(self, "begin", "Hz", **FREQUENCY)
+        set_number(self, "end", "Hz", **FREQUENCY)
+        set_number(self, "duration", "s", **DURATION)
         if self.spacing not in ("linear", "logarithmic"):
             raise ExcitationError(
                 f"Sweep.spacing = {self.spacing!r} is not allowed; use 'linear' or 'logarithmic'."
             )
         peak_level(self)
+        if self._segments > MOST_SEGMENTS:
+            highest = max(self.begin, self.end)
+            longest = MOST_SEGMENTS / (POINTS_PER_PERIOD * highest)
+            raise ExcitationError(
+                f"Sweep.duration = {self.duration:g} s up to {highest:g} Hz needs "
+                f"{self._segments:.3g} segments; at most {MOST_SEGMENTS:.0e} are allowed, which is "
+                f"{longest:.4g} s. Shorten the sweep or lower its higher frequency."
+            )
+
+    @property
+    def _segments(self) -> int:
+        return math.ceil(self.duration * max(self.begin, self.end) * POINTS_PER_PERIOD)
 
     def frequency(self, time: Array) -> Array:
         """Instantaneous frequency in Hz."""
@@ -196,8 +214,7 @@ class Sweep(Excitation):
 
     def lower(self) -> Motion:
         """Quintic segments through the integrated acceleration, and the stop at the end."""
-        fastest = max(self.begin, self.end)
-        count = math.ceil(self.duration * fastest * POINTS_PER_PERIOD) + 1
+        count = self._segments + 1
         time = np.linspace(0.0, self.duration, count)
         phase, omega = self.phase(time), 2 * np.pi * self.frequency(time)
         polynomials = integrate_samples(time, peak_level(self) * np.sin(phase))
@@ -229,7 +246,11 @@ def bring_to_rest(time: Array, polynomials: Array, duration: float) -> Motion:
     x, v, a = (float(last.deriv(k)(step)) if k else float(last(step)) for k in range(3))
     n = np.arange(DEGREES)
     conditions = np.array(
-        [duration**n, n * duration ** np.maximum(n - 1, 0), n * (n - 1) * duration ** np.maximum(n - 2, 0)]
+        [
+            duration**n,
+            n * duration ** np.maximum(n - 1, 0),
+            n * (n - 1) * duration ** np.maximum(n - 2, 0),
+        ]
     )
     known = np.array([x, v, a / 2])
     rest = np.linalg.solve(conditions[:, 3:], -conditions[:, :3] @ known)

@@ -2,48 +2,54 @@
 
 from __future__ import annotations
 
+import hashlib
+import reprlib
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seatdyn.errors import DriftWarning, ExcitationError
 from seatdyn.model.excitation import DEGREES, Array, Excitation, Motion
 from seatdyn.model.integration import end_at_rest, end_of, integrate_samples
-from seatdyn.units import number, suggestion
+from seatdyn.units import ACCELERATION, RATE, number, suggestion
 
 FEWEST_SAMPLES = 8
 MOST_SAMPLES = 20_000_000
+LOWEST_CUT, HIGHEST_CUT = 1e-6, 0.49  # of the sampling rate
+PADDING = 9  # samples beside a filtered record, as scipy takes them for one section
 UNEVEN = 1e-2  # of the sampling interval: a larger deviation is a gap
 GRAVITY = 9.80665
 UNITS = {"m/s2": 1.0, "g": GRAVITY}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record(Excitation):
     """Sampled base acceleration, interpolated by a cubic spline.
 
     Parameters
     ----------
-    samples : acceleration in m/s2, at least 8
-    rate : sampling rate in Hz; or give `time`
+    samples : acceleration in m/s2, within +-1e6, at least 8
+    rate : sampling rate in Hz, 1e-3 .. 1e7; or give `time`
     time : instants in s, evenly spaced within 1 % of the interval
     mean : "remove" subtracts the mean acceleration; "keep" leaves it
     drift : "compensate" adds the smallest smooth acceleration after which the base ends at rest at
         zero; "keep" leaves final velocity and displacement, and warns
-    high_pass : cut-off in Hz of a zero-phase second-order Butterworth filter, or None. A long
-        record needs it: integration turns slow errors into large displacements.
+    high_pass : cut-off in Hz, 1e-6 .. 0.49 of the rate, of a zero-phase second-order
+        Butterworth filter, or None. A long record needs it: integration turns slow errors into
+        large displacements.
 
-    After the record the base stays where it ended.
+    After the record the base stays where it ended. Records are compared by identity; `repr` names
+    the samples by their number and a SHA-256 digest.
     """
 
-    samples: Sequence[float] = field(repr=False)
+    samples: ArrayLike
     rate: float | None = None
-    time: Sequence[float] | None = field(default=None, repr=False)
+    time: ArrayLike | None = None
     mean: Literal["remove", "keep"] = "remove"
     drift: Literal["compensate", "keep"] = "compensate"
     high_pass: float | None = None
@@ -56,7 +62,7 @@ class Record(Excitation):
                     f"Record.{name} = {getattr(self, name)!r} is not allowed; "
                     f"it must be {allowed[0]!r} or {allowed[1]!r}."
                 )
-        samples = np.asarray(self.samples, dtype=float).ravel()
+        samples = self._numbers("samples")
         if not FEWEST_SAMPLES <= samples.size <= MOST_SAMPLES:
             raise ExcitationError(
                 f"Record.samples has {samples.size} samples; it must have "
@@ -68,21 +74,35 @@ class Record(Excitation):
                 f"Record.samples[{place}] = {samples[place]} is not finite; "
                 "repair the record or cut it there."
             )
+        most = ACCELERATION["maximum"]
+        if np.any(np.abs(samples) > most):
+            place = int(np.argmax(np.abs(samples) > most))
+            raise ExcitationError(
+                f"Record.samples[{place}] = {samples[place]:g} m/s2 is not allowed; it must be a "
+                f"number in {-most:g} .. {most:g} m/s2. Check the unit of the record."
+            )
         object.__setattr__(self, "samples", samples)
         if (self.rate is None) == (self.time is None):
-            raise ExcitationError("Record needs exactly one of rate (Hz) and time (s).")
+            given = "neither was" if self.rate is None else "both were"
+            raise ExcitationError(
+                f"Record needs exactly one of rate (Hz) and time (s), but {given} given; "
+                "pass one of them."
+            )
         if self.time is not None:
-            object.__setattr__(self, "rate", self._rate_of(np.asarray(self.time, dtype=float)))
-        number(self.rate, "Record.rate", "Hz", above=0.0, error=ExcitationError)
+            object.__setattr__(self, "rate", self._rate_of(self._numbers("time")))
+        rate = number(self.rate, "Record.rate", "Hz", **RATE, error=ExcitationError)
+        object.__setattr__(self, "rate", rate)
         if self.high_pass is not None:
             cut = number(
-                self.high_pass, "Record.high_pass", "Hz", above=0.0, error=ExcitationError
+                self.high_pass,
+                "Record.high_pass",
+                "Hz",
+                minimum=LOWEST_CUT * rate,
+                maximum=HIGHEST_CUT * rate,
+                hint="It must stay below half the sampling rate.",
+                error=ExcitationError,
             )
-            if cut >= float(self.rate or 0.0) / 2:
-                raise ExcitationError(
-                    f"Record.high_pass = {cut:g} Hz is not below half the sampling rate "
-                    f"({self.rate:g} Hz)."
-                )
+            object.__setattr__(self, "high_pass", cut)
         if self.drift == "keep":
             x, v = end_of(self._time, self._segments[0])
             warnings.warn(
@@ -91,6 +111,31 @@ class Record(Excitation):
                 DriftWarning,
                 stacklevel=3,
             )
+
+    def __repr__(self) -> str:
+        """Options, and what identifies the samples."""
+        return (
+            f"Record({np.size(self.samples)} samples, rate={self.rate!r}, mean={self.mean!r}, "
+            f"drift={self.drift!r}, high_pass={self.high_pass!r}, sha256={self.digest!r})"
+        )
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the samples as little-endian doubles."""
+        return hashlib.sha256(np.asarray(self.samples, dtype="<f8").tobytes()).hexdigest()
+
+    def _numbers(self, name: str) -> Array:
+        """A read-only copy of a list of numbers."""
+        given = getattr(self, name)
+        try:
+            values = np.array(given, dtype=float).ravel()
+        except (TypeError, ValueError, OverflowError):
+            raise ExcitationError(
+                f"Record.{name} = {reprlib.repr(given)} must be a list of numbers; "
+                "remove or repair what is text."
+            ) from None
+        values.setflags(write=False)
+        return values
 
     def _rate_of(self, time: Array) -> float:
         samples = np.asarray(self.samples)
@@ -124,7 +169,8 @@ class Record(Excitation):
             from scipy.signal import butter, sosfiltfilt
 
             sections = butter(2, self.high_pass, "highpass", fs=self.rate, output="sos")
-            samples = sosfiltfilt(sections, samples)
+            padding = min(PADDING, samples.size - 1)
+            samples = sosfiltfilt(sections, samples, padlen=padding)
             notes["high_pass_Hz"] = self.high_pass
         if self.drift == "keep":
             return integrate_samples(self._time, samples), notes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from seatdyn.errors import ModelError
 from seatdyn.model.elements import Element
-from seatdyn.units import quantity, validated
+from seatdyn.units import MASS, quantity, validated
 
 
 @dataclass(frozen=True)
@@ -15,12 +15,12 @@ class Seat:
 
     Parameters
     ----------
-    mass : mass that moves with the seat frame, kg, > 0
+    mass : mass that moves with the seat frame, kg, 1e-6 .. 1e6
     suspension : elements; each acts between base and seat unless its `between` says otherwise,
         and elements across the same two nodes add up
     """
 
-    mass: float = quantity("kg", above=0.0)
+    mass: float = quantity("kg", **MASS)
     suspension: tuple[Element, ...] = ()
 
     def __post_init__(self) -> None:

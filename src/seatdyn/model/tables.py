@@ -7,10 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels import codes
+from seatdyn.kernels import laws
 from seatdyn.model.elements import Law, NonlinearElement
+from seatdyn.units import FORCE, LENGTH, SPEED
 
 SMALLEST_TABLE = 2
+LARGEST = {"displacement": LENGTH, "velocity": SPEED, "force": FORCE}
+UNITS = {"displacement": "m", "velocity": "m/s", "force": "N"}
+STEEPEST = 1e12  # N/m or N s/m
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class TableElement(NonlinearElement):
     analysis warns, naming the table.
     """
 
-    def _law(self, code: int, variable: str, x: object, force: object) -> Law:
+    def _law(self, variable: str, x: object, force: object) -> Law:
         from scipy.interpolate import PchipInterpolator
 
         x_points = self._points(variable, x)
@@ -40,10 +44,19 @@ class TableElement(NonlinearElement):
                 f"({x_points[row]:g}) does not exceed point {row - 1} ({x_points[row - 1]:g}). "
                 "Sort the table and average repeated points."
             )
+        steep = np.abs(np.diff(f_points)) > STEEPEST * steps
+        if np.any(steep):
+            row = int(np.argmax(steep)) + 1
+            raise ModelError(
+                f"{self.name}.{variable}: points {row - 1} and {row} ({x_points[row - 1]:g} and "
+                f"{x_points[row]:g} {UNITS[variable]}) make a slope above {STEEPEST:g}; "
+                "average them."
+            )
         slopes = PchipInterpolator(x_points, f_points).derivative()(x_points)
-        parameters = (float(x_points.size), *x_points, *f_points, *slopes)
+        over = float(variable == "velocity")
+        parameters = (over, float(x_points.size), *x_points, *f_points, *slopes)
         limits = (variable, float(x_points[0]), float(x_points[-1]))
-        return Law(code, tuple(float(p) for p in parameters), limits=limits)
+        return Law(laws.table, tuple(float(p) for p in parameters), limits=limits)
 
     def _points(self, name: str, values: object) -> np.ndarray:
         try:
@@ -57,13 +70,18 @@ class TableElement(NonlinearElement):
             raise ModelError(
                 f"{self.name}.{name}[{row}] = {points[row]} is not finite; remove or repair it."
             )
+        most = LARGEST[name]["maximum"]
+        if np.any(np.abs(points) > most):
+            row = int(np.argmax(np.abs(points) > most))
+            raise ModelError(
+                f"{self.name}.{name}[{row}] = {points[row]:g} {UNITS[name]} is not allowed; it "
+                f"must be a number in {-most:g} .. {most:g} {UNITS[name]}. Check the unit."
+            )
         return points
 
     def _slope_at_zero(self) -> float:
         law = self.lower()
-        n = int(law.parameters[0])
-        x, f = np.array(law.parameters[1 : n + 1]), np.array(law.parameters[n + 1 : 2 * n + 1])
-        slopes = np.array(law.parameters[2 * n + 1 :])
+        x, f, slopes = np.reshape(law.parameters[2:], (3, -1))
         if not x[0] < 0.0 < x[-1]:
             return float(slopes[0] if x[0] >= 0.0 else slopes[-1])
         from scipy.interpolate import CubicHermiteSpline
@@ -77,8 +95,8 @@ class TableSpring(TableElement):
 
     Parameters
     ----------
-    displacement : m, strictly increasing, at least two points
-    force : N, positive in tension, as many points
+    displacement : m, within +-1000, strictly increasing, at least two points
+    force : N, within +-1e9, positive in tension, as many points
     """
 
     displacement: tuple[float, ...] = ()
@@ -93,7 +111,7 @@ class TableSpring(TableElement):
 
     def lower(self) -> Law:
         """The law on d."""
-        return self._law(codes.TABLE_SPRING, "displacement", self.displacement, self.force)
+        return self._law("displacement", self.displacement, self.force)
 
     def tangent(self) -> tuple[float, float]:
         """Slope of the interpolant at d = 0."""
@@ -106,8 +124,8 @@ class TableDamper(TableElement):
 
     Parameters
     ----------
-    velocity : m/s, strictly increasing, at least two points; negative in bump
-    force : N, positive in tension, as many points
+    velocity : m/s, within +-1e4, strictly increasing, at least two points; negative in bump
+    force : N, within +-1e9, positive in tension, as many points
     """
 
     velocity: tuple[float, ...] = ()
@@ -122,7 +140,7 @@ class TableDamper(TableElement):
 
     def lower(self) -> Law:
         """The law on v."""
-        return self._law(codes.TABLE_DAMPER, "velocity", self.velocity, self.force)
+        return self._law("velocity", self.velocity, self.force)
 
     def tangent(self) -> tuple[float, float]:
         """Slope of the interpolant at v = 0."""
