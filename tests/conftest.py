@@ -11,10 +11,10 @@ import seatdyn as sd
 
 ORACLE = Path(__file__).parent / "oracle" / "data"
 OFF, ON = "ksiazek1997_back_off", "ksiazek1997_back_on"
-OUTPUTS = (
-    "acc_m1 acc_m2 acc_seat m1 m2 seat m2-m1 m1-seat m2-seat "
-    "F_damper F_linear F_spring F_damper+nonlinear F_nonlinear"
-).split()
+OUTPUTS = [
+    *("acc_m1", "acc_m2", "acc_seat", "m1", "m2", "seat", "m2-m1", "m1-seat", "m2-seat"),
+    *("F_damper", "F_linear", "F_spring", "F_damper+nonlinear", "F_nonlinear"),
+]
 
 
 def paper_system(*elements, body=OFF, mass=35.0, k=9950.0, c=260.0):

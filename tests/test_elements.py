@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from conftest import oscillator, paper_system
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 import seatdyn as sd
+from conftest import oscillator, paper_system
 from seatdyn.analysis.lowering import lower
 from seatdyn.kernels import dense
 from seatdyn.model.elements import NonlinearElement
@@ -193,5 +193,5 @@ def test_parameters_of_a_user_law_are_checked():
         user_law(kk=1.0, edge=0.1)
     with pytest.raises(sd.ModelError, match="needs the parameters"):
         user_law(k=1.0)
-    with pytest.raises(sd.ModelError, match="not a number|not allowed"):
+    with pytest.raises(sd.ModelError, match=r"not a number|not allowed"):
         user_law(k=float("nan"), edge=0.1)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import OFF, ON, OUTPUTS, oracle_rows, oscillator, paper_system
 
 import seatdyn as sd
+from conftest import OFF, ON, OUTPUTS, oracle_rows, oscillator, paper_system
 from seatdyn.analysis.run import Settings
 
 CASES = {

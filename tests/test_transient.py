@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from conftest import ON, oscillator, paper_system
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import seatdyn as sd
+from conftest import ON, oscillator, paper_system
 from seatdyn.analysis import energy
 from seatdyn.analysis.run import Problem, Run, Settings
 from seatdyn.analysis.transient import run_for
@@ -97,9 +97,7 @@ def chain_of_twelve():
     links = []
     for i, name in enumerate(names):
         other = "seat" if i == 0 else names[rng.integers(0, i)]
-        links.append(
-            sd.Link((other, name), rng.uniform(2e4, 8e4), rng.uniform(100.0, 600.0))
-        )
+        links.append(sd.Link((other, name), rng.uniform(2e4, 8e4), rng.uniform(100.0, 600.0)))
     links.append(sd.Link(("seat", "n11"), 3e4, 200.0))
     terms = (
         sd.FeedbackTerm("g1", 2000.0, "displacement", {"n3": 1.0, "seat": 1.0}),
@@ -239,15 +237,14 @@ def test_a_held_seat_lets_go_when_the_balancing_force_leaves_the_jump():
     """A slow base acceleration m a(t) moves the balance out of the jump: release near F = 4 N."""
     system = jump_seat(4.0, 60.0)
     settled = sd.simulate(system, sd.Still(), 20.0)
-    state = np.concatenate(
-        [settled.displacement.values[:, -1], settled.velocity.values[:, -1]]
-    )
+    state = np.concatenate([settled.displacement.values[:, -1], settled.velocity.values[:, -1]])
     # base falls, so that the seat lags behind: d rises once more than 4 N are needed
     shaken = sd.simulate(system, sd.Sine(0.5, amplitude=0.5), 4.0, initial=state)
     d = shaken.relative_displacement.sel(pair="seat-base").values
     force = shaken.element_force.sel(element="PiecewiseSpring").values
     held = np.abs(d - 0.02) < 1e-9
-    assert held.any() and not held.all()
+    assert held.any()
+    assert not held.all()
     assert force[held].min() > -1e-9
     assert force[held].max() < 4.0 + 1e-9
     assert shaken.attrs["energy_residual"] < 1e-6

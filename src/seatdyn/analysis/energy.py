@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.run import Run, Samples
-from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, ON_VELOCITY, VALUE
 from seatdyn.kernels import dense
+from seatdyn.kernels.columns import BREAKS, ELEMENTS, FIRST, ON_VELOCITY, SECOND, VALUE
 
 Array = NDArray[np.float64]
 WORST_RESIDUAL = 1e-4  # of the throughput, beyond which a result is not to be used
@@ -44,7 +44,6 @@ class EnergyBalance:
         """|change - base work + dissipation - feedback work| / throughput."""
         defect = self.change - self.base_work + self.dissipated - self.feedback_work
         return abs(defect) / max(self.throughput, 1e-300)
-
 
     def closes(self, rtol: float) -> bool:
         """Whether the residual is what the tolerance of the run lets expect."""

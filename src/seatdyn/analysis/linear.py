@@ -33,6 +33,7 @@ Variable = tuple[tuple[str, ...], Any, str, str]  # dimensions, values, unit, te
 # never called stable by accident.
 ON_AXIS = 1e-13
 LARGEST = 1e100  # of stiffness or damping over mass: squares and determinants stay finite
+NEAR_ZERO = 1e-9  # of the largest pole, as far as one at zero may stray by rounding
 SLOW = 1e-4  # a pole this much slower than the fastest is lost in its rounding first
 
 
@@ -107,28 +108,35 @@ def on_left(real: Array, radius: Array | float) -> NDArray[np.bool_]:
     return np.asarray(real < -ON_AXIS * np.asarray(radius))
 
 
-def check_told(values: ComplexArray, stiffness: Array) -> None:
-    """Refuse poles (..., 2N) so far apart that rounding of the fastest hides the side of others.
+def pole_at_zero(values: ComplexArray, stiffness: Array) -> NDArray[np.bool_]:
+    """Whether the slowest of the poles (..., 2N) is zero because the stiffness is singular.
 
-    A pole at zero, where the stiffness (..., N, N) is singular, is no such case.
+    Asked only where it decides the verdict; False elsewhere.
+
+    Raises
+    ------
+    RequestError
+        The poles are so far apart that rounding of the fastest hides the side of a slow one.
     """
     size = np.abs(values)
     radius = size.max(axis=-1)
     place = np.argmax(values.real, axis=-1)[..., None]
     real = np.take_along_axis(values.real, place, axis=-1)[..., 0]
     slow = np.take_along_axis(size, place, axis=-1)[..., 0] < SLOW * radius
-    hidden = slow & (np.abs(real) <= ON_AXIS * radius)
-    if not np.any(hidden):
-        return
-    springs = np.broadcast_to(stiffness, (*hidden.shape, *stiffness.shape[-2:]))[hidden]
-    rows = np.abs(springs).max(axis=-1, keepdims=True)
-    regular = np.linalg.cond(springs / np.where(rows > 0.0, rows, 1.0)) < 1.0 / ON_AXIS
-    if np.any(regular):
+    asked = np.asarray(slow & (np.abs(real) <= NEAR_ZERO * radius))
+    zero = np.zeros(asked.shape, dtype=bool)
+    springs = np.broadcast_to(stiffness, (*asked.shape, *stiffness.shape[-2:]))[asked]
+    if springs.size:
+        rows = np.abs(springs).max(axis=-1, keepdims=True)
+        zero[asked] = np.linalg.cond(springs / np.where(rows > 0.0, rows, 1.0)) > 1.0 / ON_AXIS
+    hidden = slow & (np.abs(real) <= ON_AXIS * radius) & ~zero
+    if np.any(hidden):
         raise RequestError(
-            f"The fastest pole ({radius[hidden][regular][0]:.3g} 1/s) is so fast that its rounding "
+            f"The fastest pole ({radius[hidden][0]:.3g} 1/s) is so fast that its rounding "
             "hides on which side of the imaginary axis a slow one lies. Use the criterion "
             '"hurwitz" (is_stable, stability_map), a lower damping or stiffness, or more mass.'
         )
+    return zero
 
 
 def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
@@ -161,8 +169,8 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     """
     model = as_linear_model(system, linearise)
     upper, _, every = _sorted_modes(model)
-    check_told(every, model.stiffness)
     stable = on_left(upper.real, np.max(np.abs(every)))
+    stable[0] &= not pole_at_zero(every, model.stiffness)
     with np.errstate(invalid="ignore"):  # a pole at zero has no damping ratio
         ratio = -upper.real / np.abs(upper)
     mode = ("mode",)

@@ -63,7 +63,9 @@ def lower(system: SeatSystem, motion: Motion) -> Plant:
         ),
         pull=np.ascontiguousarray(pull),
         gain=np.ascontiguousarray(incidence.T @ pull),
-        channels=np.column_stack([np.append(first, 0), np.append(second, 0), _starts(laws), _starts(breaks)]),
+        channels=np.column_stack(
+            [np.append(first, 0), np.append(second, 0), _starts(laws), _starts(breaks)]
+        ),
         elements=np.array(
             [
                 (law_address(law.function, name), offset)

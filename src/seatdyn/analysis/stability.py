@@ -25,10 +25,10 @@ from seatdyn.analysis.linear import (
     Linearise,
     Variable,
     as_linear_model,
-    check_told,
     companion,
     labelled,
     on_left,
+    pole_at_zero,
 )
 from seatdyn.errors import RequestError
 from seatdyn.model.system import LinearModel
@@ -275,8 +275,9 @@ def _rightmost(
     values = {name: column[part] for name, column in columns.items()}
     mass, damping, stiffness = substituted(model, values)
     poles = np.atleast_2d(np.linalg.eigvals(companion(mass, damping, stiffness)))
-    check_told(poles, stiffness)
-    return poles.real.max(axis=-1), np.abs(poles).max(axis=-1)
+    real = poles.real.max(axis=-1)
+    real = np.where(pole_at_zero(poles, stiffness), np.maximum(real, 0.0), real)
+    return real, np.abs(poles).max(axis=-1)
 
 
 def _rightmost_everywhere(

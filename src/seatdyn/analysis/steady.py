@@ -12,6 +12,7 @@ from seatdyn.analysis.outputs import named_outputs, output_unit
 from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
 from seatdyn.analysis.stability import is_stable
 from seatdyn.analysis.transient import (
+    check_request,
     initial_state,
     run_attributes,
     to_dataset,
@@ -86,6 +87,7 @@ def steady_state(
     >>> round(float(state.amplitude.sel(output="acc_seat")), 5)
     4.01629
     """
+    check_request(system, excitation)
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     max_periods = round(number(max_periods, "max_periods", "", minimum=1.0, error=RequestError))
     problem = Problem.make(system, excitation.motion, settings)
@@ -165,8 +167,14 @@ def find_orbit(
         remaining = changes[-1] * rate / (1.0 - rate) if rate < 1.0 else np.inf
         if changes[-1] <= tolerance and remaining <= tolerance:
             last = problem.run(0.0, period, run.end)
-            return Orbit(Status.CONVERGED, period, last, error=max(remaining, changes[-1]),
-                         multiplier=rate, periods=count)
+            return Orbit(
+                Status.CONVERGED,
+                period,
+                last,
+                error=max(remaining, changes[-1]),
+                multiplier=rate,
+                periods=count,
+            )
         # Newton costs as much as 2N periods: at once where it is exact, when the motion nearly
         # repeats itself, and now and then where it creeps
         near = changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
@@ -221,8 +229,9 @@ def _newton(
             if multiplier >= 1.0:
                 return None
             error = residual * max(1.0, 1.0 / (1.0 - multiplier))
-            return Orbit(Status.CONVERGED, period, run, error=error, multiplier=multiplier,
-                         periods=count)
+            return Orbit(
+                Status.CONVERGED, period, run, error=error, multiplier=multiplier, periods=count
+            )
         if residual > 0.5 * residual_before:
             return None
         residual_before = residual

@@ -146,6 +146,7 @@ def reproduce(
         for table, readings in summary.items()
         if table.startswith("table") and isinstance(readings, dict)
         for reading, groups in readings.items()
+        if isinstance(groups, dict)
         for group, numbers in groups.items()
         if isinstance(numbers, dict)
     ]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import ELEMENTS, OFFSET, ADDRESS
+from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.holding import held_element_forces
-from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.jit import inner, kernel
 from seatdyn.kernels.plant import (
     FREE,
     accelerations,
@@ -19,7 +19,7 @@ from seatdyn.kernels.plant import (
 )
 
 
-@kernel
+@inner
 def hermite_state(record, i, s, n, y):
     """State at share s of step i: quintic in the displacements, its derivative as velocity."""
     h = record[i + 1, 0] - record[i, 0]

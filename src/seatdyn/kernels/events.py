@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
-from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.jit import inlined, inner
 from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
@@ -38,7 +38,7 @@ def quintic(s, h, g0, s0, c0, g1, s1, c1, curved):
     return g0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
 
 
-@kernel
+@inner
 def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
     """Share of the step at which g first falls below zero; 2 where it does not.
 
@@ -89,7 +89,7 @@ def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
     return high
 
 
-@kernel
+@inner
 def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
     """Earliest break met in the step: share of the step (2 if none), its row and channel."""
     best, row, channel = 2.0, -1, -1
@@ -121,7 +121,7 @@ def far_from_breaks(plant, base0, base1, base2, y0, y1, y2, a0, a1, a2, side, z_
     return True
 
 
-@kernel
+@inner
 def break_tolerance(plant, r, z_scale, v_scale):
     """Distance to break r that counts as being on it; a kink does no harm at first order."""
     p, q = abs(plant.breaks[r, ON_DISPLACEMENT]), abs(plant.breaks[r, ON_VELOCITY])
@@ -129,7 +129,7 @@ def break_tolerance(plant, r, z_scale, v_scale):
     return share * (p * z_scale + q * v_scale + abs(plant.breaks[r, VALUE]))
 
 
-@kernel
+@inner
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
     d, v = relative(plant, j, y, base[0], base[1])
@@ -144,7 +144,7 @@ def one_sided_forces(plant, r, j, y, base, side):
     return below, channel_force(plant, j, d, v, trial)
 
 
-@kernel
+@inner
 def sides_of(plant, y, base, acceleration, side):
     """Set the side of every break from the state: by value, then velocity, then acceleration."""
     for j in range(plant.gain.shape[0]):

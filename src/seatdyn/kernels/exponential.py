@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.jit import inlined, inner
 from seatdyn.kernels.plant import channel_force, segment_motion
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
@@ -49,7 +49,7 @@ class Work(NamedTuple):
     effect: np.ndarray  # (2N,)
 
 
-@kernel
+@inner
 def make_work(n, m):
     """Arrays for N = n free nodes and m channels."""
     return Work(
@@ -241,7 +241,7 @@ def guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work):
         work.tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
 
 
-@kernel
+@inner
 def ladder_step(
     plant, ladder, level, t, segment, y, a0, force0, h_before, side, z_tolerance, v_tolerance, work
 ):
@@ -272,7 +272,7 @@ def ladder_step(
     return iterations, error, gap
 
 
-@kernel
+@inner
 def keep_forces(work, force0):
     """After an accepted step: its nodal forces for the next guess, its last one as start."""
     m = force0.size

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.kernels import exponential as ex
+from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.kernels.events import (
     ROUNDING,
     break_tolerance,
@@ -23,7 +23,7 @@ from seatdyn.kernels.events import (
     sides_of,
 )
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
-from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.jit import inlined, inner, kernel
 from seatdyn.kernels.plant import accelerations, base_motion, segment_at
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
@@ -42,7 +42,7 @@ APPROACH = 0.95  # share of the way to a break that a ladder step may take
 OVERSHOOT = 1.1  # a landing step reaches a little beyond the break that it is to find
 
 
-@kernel
+@inner
 def land(
     plant, t, trial, high, segment, y, k, side, held, holding, y1, force, row, channel, tolerance
 ):
@@ -73,7 +73,7 @@ def land(
     return h, abs(g)
 
 
-@kernel
+@inner
 def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force):
     """Go over to the other side of a break, or rest on it."""
     side[row] = -side[row]
@@ -81,7 +81,7 @@ def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, forc
         try_to_hold(plant, t, segment, y, row, channel, side, held, stick_speed, force)
 
 
-@kernel
+@inner
 def is_holding(held):
     """Whether some channel rests on a jump."""
     for j in range(held.size):
@@ -90,14 +90,14 @@ def is_holding(held):
     return False
 
 
-@kernel
+@inner
 def copy(source, target):
     """target[:] = source, without the code for shapes that differ."""
     for i in range(source.size):
         target[i] = source[i]
 
 
-@kernel
+@inner
 def grow(old, new):
     """Copy the rows of a record into a longer one."""
     for i in range(old.shape[0]):
@@ -238,7 +238,9 @@ def integrate(
                 plant, start, middle, end, y, ym, y1, a0, am, a1, side, z_scale, v_scale
             ):
                 for half in range(2):
-                    y_half, a_half, y_next, a_next = (y, a0, ym, am) if half == 0 else (ym, am, y1, a1)
+                    y_half, a_half, y_next, a_next = (
+                        (y, a0, ym, am) if half == 0 else (ym, am, y1, a1)
+                    )
                     share, place, channel = find_event(
                         plant, 0.5 * h, start if half == 0 else middle,
                         middle if half == 0 else end, y_half, y_next, a_half, a_next, side, held,
@@ -313,9 +315,7 @@ def integrate(
                 else:
                     flips += 1
                     events += 1
-                    pass_break(
-                        plant, t, segment, y, place, channel, side, held, stick_speed, force
-                    )
+                    pass_break(plant, t, segment, y, place, channel, side, held, stick_speed, force)
                     fresh = True
                     continue
             if holding:

@@ -53,19 +53,20 @@ def _compile(make: Callable[..., Any], function: Callable[..., Any]) -> Any:
     """Decorate with the disk cache in our directory; without it where the cache is impossible."""
     directory = cache_directory()
     if directory is not None:
-        previous = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(directory)
+        config: Any = numba.config
+        previous = config.CACHE_DIR
+        config.CACHE_DIR = str(directory)
         try:
             return make(function, cache=True)
         except RuntimeError:  # a function without a source file, e.g. typed at a prompt
             logger.debug("no disk cache for %s", function.__qualname__)
         finally:
-            numba.config.CACHE_DIR = previous
+            config.CACHE_DIR = previous
     return make(function, cache=False)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a top-level function on first use: cached on disk, without the interpreter lock."""
+    """Compile a function that Python calls: on first use, cached on disk, without the lock."""
 
     def make(f: Callable[..., Any], *, cache: bool) -> Any:
         return numba.njit(f, cache=cache, nogil=True, error_model="numpy")
@@ -73,13 +74,25 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(make, function)
 
 
+def inner(function: Callable[..., Any], *, forceinline: bool = False) -> Any:
+    """Compile a function that only kernels call: part of what is cached for them.
+
+    It gets no wrapper for Python, which would take as long to build as the function.
+    """
+    njit: Any = numba.njit  # the flags for the wrappers are missing from its stub
+    return njit(
+        function,
+        nogil=True,
+        error_model="numpy",
+        forceinline=forceinline,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+    )
+
+
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a small function that is called in inner loops straight into its callers."""
-
-    def make(f: Callable[..., Any], *, cache: bool) -> Any:
-        return numba.njit(f, cache=cache, nogil=True, error_model="numpy", forceinline=True)
-
-    return _compile(make, function)
+    """The same for small functions in inner loops: compiled straight into their callers."""
+    return inner(function, forceinline=True)
 
 
 @functools.cache
@@ -128,4 +141,4 @@ class CompileNotice:
 
     @staticmethod
     def _say() -> None:
-        logger.warning("compiling the kernels (once per installation, about 15 s) ...")
+        logger.warning("compiling the kernels (once per installation, about 20 s) ...")

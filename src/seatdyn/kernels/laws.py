@@ -30,7 +30,7 @@ def jump(d: float, v: float, p: Sequence[float]) -> float:
 
 
 def gap(d: float, v: float, p: Sequence[float]) -> float:
-    """Spring that starts at the ends of a free zone; p = stiffness, lower, upper end of the zone."""
+    """Spring that starts at the ends of a free zone; p = stiffness, lower, upper end."""
     if d > p[2]:
         return p[0] * (d - p[2])
     return p[0] * (d - p[1]) if d < p[1] else 0.0

@@ -8,8 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import FIRST, SECOND, ELEMENTS, BREAKS, OFFSET, ADDRESS, ON_DISPLACEMENT, VALUE, IS_JUMP
-from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.columns import (
+    ADDRESS,
+    BREAKS,
+    ELEMENTS,
+    FIRST,
+    IS_JUMP,
+    OFFSET,
+    ON_DISPLACEMENT,
+    SECOND,
+    VALUE,
+)
+from seatdyn.kernels.jit import inlined, inner
 
 FREE = -1  # a channel that is not held at a jump
 
@@ -68,7 +78,7 @@ def base_motion(plant, t, segment):
     return x, v, a
 
 
-@kernel
+@inner
 def segment_at(plant, t):
     """Index of the input segment at time t."""
     return max(np.searchsorted(plant.segments[:, 0], t, side="right") - 1, 0)
@@ -117,7 +127,7 @@ def channel_force(plant, j, d, v, side):
     return total
 
 
-@kernel
+@inner
 def solve_small(matrix, rhs):
     """Gauss elimination with pivoting, in place; for the few channels that stick at once."""
     n = rhs.size
@@ -140,7 +150,7 @@ def solve_small(matrix, rhs):
         rhs[i] /= matrix[i, i]
 
 
-@kernel
+@inner
 def hold(plant, held, a0, acceleration, force):
     """Forces that keep the held channels where they are (zero relative acceleration)."""
     rows = np.nonzero(held >= 0)[0]
@@ -176,7 +186,7 @@ def free_accelerations(plant, base, y, side, acceleration, force):
             acceleration[i] -= plant.pull[i, j] * force[j]
 
 
-@kernel
+@inner
 def accelerations(plant, base, y, side, held, acceleration, force):
     """The same with the channels that are held at a jump kept where they are."""
     free_accelerations(plant, base, y, side, acceleration, force)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatdyn.kernels.jit import kernel
+from seatdyn.kernels.jit import inner
 from seatdyn.kernels.plant import accelerations, base_motion, free_accelerations
 
 C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
@@ -22,7 +22,7 @@ A = np.array(
 E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-@kernel
+@inner
 def rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force):
     """One step from y; k (7, 2N) has its first row set, gets the others; fills y1 and force."""
     n = y.size // 2
@@ -41,7 +41,7 @@ def rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force):
             free_accelerations(plant, base, y1, side, k[s, n:], force)
 
 
-@kernel
+@inner
 def rk_error(k, h, n, z_tolerance, v_tolerance):
     """Largest estimated error of the step over its tolerance."""
     worst = 0.0
