@@ -111,12 +111,13 @@ def cheapest(travel_at, reference):
     """Tolerance that meets the error in the least time, with its error, or None."""
     best = None
     for tolerance in TOLERANCES:
-        runs = [clock(travel_at, tolerance) for _ in range(5)]
-        travel, seconds = runs[0][0], min(run[1] for run in runs)
+        travel, seconds = clock(travel_at, tolerance)
+        again = min(5, round(ROUND / seconds))
+        seconds = min([seconds, *(clock(travel_at, tolerance)[1] for _ in range(again))])
         error = abs(amplitude(travel) / reference - 1)
         if error <= ERROR and (best is None or seconds < best[2]):
             best = (tolerance, error, seconds)
-        if best is not None and seconds > 2 * best[2]:
+        if best is not None and seconds > 1.5 * best[2]:
             break
     return best
 

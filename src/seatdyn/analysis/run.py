@@ -121,7 +121,7 @@ class Run:
     @property
     def steps(self) -> int:
         """Number of accepted steps."""
-        return self.record.shape[0] - 1
+        return int(self.record.shape[0]) - 1
 
     def at(self, time: Array) -> Samples:
         """The solution at these times (s), inside the run."""

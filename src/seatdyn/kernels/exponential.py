@@ -241,7 +241,7 @@ def guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work):
         work.tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
 
 
-@inner
+@inlined
 def ladder_step(
     plant, ladder, level, t, segment, y, a0, force0, h_before, side, z_tolerance, v_tolerance, work
 ):
