@@ -238,7 +238,13 @@ def test_reproduce_reports_progress_and_prints_a_summary(tmp_path, monkeypatch):
     def reproduce(out, *, progress=None):
         progress(0.5, "Table 3")
         group = {"rms": 0.00123, "worst": 0.004, "excluded": []}
-        return {"table03": {"as_read": {"acceleration": group}}, "claims": []}
+        groups = ("acceleration", "displacement", "relative", "force", "nonlinear_force")
+        # table02 has counts instead of readings, as the real summary does
+        return {
+            "table02": {"cells": 40, "outside_rounding": []},
+            "table03": {"as_read": dict.fromkeys(groups, group)},
+            "claims": [],
+        }
 
     fake = types.ModuleType("seatdyn.paper.reproduce")
     fake.reproduce = reproduce

@@ -38,7 +38,7 @@ class DriftWarning(SeatdynWarning):
 
 
 class Status(StrEnum):
-    """How a computation ended. Results that are not `OK` or `CONVERGED` are not to be used as numbers."""
+    """How a computation ended; only the numbers of `OK` and `CONVERGED` results may be used."""
 
     OK = "ok"
     CONVERGED = "converged"

@@ -10,6 +10,7 @@ over the displacement, whatever the run did), and the rest, which dissipates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,7 +125,7 @@ def _potential(run: Run, j: int, d: float) -> float:
     inside = edges[(edges > low) & (edges < high)]
     places = np.unique(np.concatenate([[low], inside, np.linspace(low, high, 9), [high]]))
     total = 0.0
-    for a, b in zip(places[:-1], places[1:], strict=True):
+    for a, b in pairwise(places):
         x = 0.5 * (a + b) + 0.5 * (b - a) * GAUSS_POTENTIAL[0]
         force = dense.element_forces(plant, j, x, np.zeros_like(x)).sum(1)
         total += 0.5 * (b - a) * float(GAUSS_POTENTIAL[1] @ force)

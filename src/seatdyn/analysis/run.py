@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -196,7 +197,7 @@ class Problem:
         records, marks = [], []
         events, steps, state = 0, 0, start
         code, scale, n = integrate.OK, self.floor, self.system.linear.size
-        for begin, stop in zip(times[:-1], times[1:], strict=True):
+        for begin, stop in pairwise(times):
             with CompileNotice(), interruptible():
                 code, count, side, held, record, mark = integrate.integrate(
                     self.plant,
