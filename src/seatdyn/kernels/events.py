@@ -130,13 +130,18 @@ def break_tolerance(plant, r, z_scale, v_scale):
 
 
 @inner
+def resting_on(plant, r, j, y, base):
+    """Displacement and velocity across channel j with its jump r reached exactly."""
+    if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
+        return plant.breaks[r, VALUE], 0.0
+    d, _ = relative(plant, j, y, base[0], base[1])
+    return d, plant.breaks[r, VALUE]
+
+
+@inner
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
-    d, v = relative(plant, j, y, base[0], base[1])
-    if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
-        d, v = plant.breaks[r, VALUE], 0.0
-    else:
-        v = plant.breaks[r, VALUE]
+    d, v = resting_on(plant, r, j, y, base)
     trial = side.copy()
     trial[r] = -1
     below = channel_force(plant, j, d, v, trial)

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
-from seatdyn.kernels.events import one_sided_forces
+from seatdyn.kernels.events import one_sided_forces, resting_on
 from seatdyn.kernels.jit import inner
 from seatdyn.kernels.plant import FREE, accelerations, base_motion, on_side, relative
 
@@ -58,11 +58,7 @@ def held_element_forces(plant, j, y, base, side, r, force, result):
 
     Each element that jumps there carries the same share of its jump.
     """
-    d, v = relative(plant, j, y, base[0], base[1])
-    if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
-        d, v = plant.breaks[r, VALUE], 0.0
-    else:
-        v = plant.breaks[r, VALUE]
+    d, v = resting_on(plant, r, j, y, base)
     trial = side.copy()
     trial[r] = -1
     d_low, v_low = on_side(plant, j, d, v, trial)

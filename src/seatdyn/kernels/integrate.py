@@ -224,17 +224,11 @@ def integrate(
                 plant, ladder, fit, t, segment, y, a0, force0, h_before, side, z_tolerance,
                 v_tolerance, work,
             )  # fmt: skip
-            if iterations == 0:
-                level, patience = fit - 1, PATIENCE
-                h_before = 0.0
-                if level < 0:
-                    level, rk_until = 0, t + h
-                continue
             start = (base[0, 0], base[0, 1], base[0, 2])
             middle = (base[2, 0], base[2, 1], base[2, 2])
             end = (base[4, 0], base[4, 1], base[4, 2])
             share, place, channel, reach = 2.0, -1, -1, 0.0
-            if not far_from_breaks(
+            if iterations > 0 and not far_from_breaks(
                 plant, start, middle, end, y, ym, y1, a0, am, a1, side, z_scale, v_scale
             ):
                 for half in range(2):
