@@ -147,11 +147,16 @@ BELOW = {
     "errors": (),
     "units": ("errors",),
     "kernels": ("units", "errors"),
-    "model": ("kernels.laws", "units", "errors"),
-    "analysis": ("model", "kernels", "units", "errors"),
-    "output": ("analysis", "model", "kernels", "units", "errors"),
+    "standards": ("units", "errors"),
+    "signals": ("standards", "units", "errors"),
+    "model": ("kernels.laws", "signals", "standards", "units", "errors"),
+    "analysis": ("model", "kernels", "signals", "standards", "units", "errors"),
+    "output": ("analysis", "model", "kernels", "signals", "standards", "units", "errors"),
     "paper": ("output", "analysis", "model", "kernels", "units", "errors"),
-    "app": ("paper", "output", "analysis", "model", "kernels", "units", "errors"),
+    "app": (
+        *("paper", "output", "analysis", "model", "kernels", "signals", "standards"),
+        *("units", "errors"),
+    ),
 }
 LAZILY = {"model": ("kernels.jit",)}  # inside functions: user laws are compiled on first use
 HEAVY = ("numba", "xarray", "matplotlib", "h5netcdf", "rich", "typer")

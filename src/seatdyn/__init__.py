@@ -35,6 +35,8 @@ _WHERE = {
     "seatdyn.analysis.run": "Settings",
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.steady": "steady_state",
+    "seatdyn.standards.weighting": "Weighting weighting",
+    "seatdyn.standards.metrics": "Metrics metrics",
     "seatdyn.output.figures": "plot",
     "seatdyn.output.files": "save load",
 }
