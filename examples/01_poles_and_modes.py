@@ -8,10 +8,12 @@ from pathlib import Path
 
 import seatdyn as sd
 
+BODIES = ("ksiazek1997_back_off", "ksiazek1997_back_on")
+
 
 def main(folder=None):
     seat = sd.Seat(mass=35.0, suspension=[sd.Spring(9950.0), sd.Damper(260.0)])
-    for name in sd.list_bodies():
+    for name in BODIES:
         body = sd.load_body(name)
         system = sd.SeatSystem(body, seat)
         for title, what in (("alone", body), ("on the seat", system)):

@@ -10,11 +10,13 @@ import numpy as np
 
 import seatdyn as sd
 
+BODIES = ("ksiazek1997_back_off", "ksiazek1997_back_on")
+
 
 def main(folder=None):
     frequency = np.geomspace(0.1, 40.0, 800)
     seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(260.0)])
-    for name in sd.list_bodies():
+    for name in BODIES:
         body = sd.load_body(name)
         response = sd.frequency_response(sd.SeatSystem(body, seat), frequency=frequency)
         size = abs(response.transmissibility.sel(node="seat"))

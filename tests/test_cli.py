@@ -53,9 +53,13 @@ def answer(*arguments, code=0):
 def test_bodies():
     found = answer("bodies")["bodies"]
     assert [body["name"] for body in found] == sd.list_bodies()
-    assert found[0]["masses"] == {"m1": 9.1, "m2": 61.7}
-    assert found[0]["active"] is True
-    assert found[0]["posture"] == "back-off"
+    by_name = {body["name"]: body for body in found}
+    assert by_name[OFF]["masses"] == {"m1": 9.1, "m2": 61.7}
+    assert by_name[OFF]["active"] is True
+    assert by_name[OFF]["posture"] == "back-off"
+    assert by_name["fairley1989"]["support_mass"] == 6.0
+    assert by_name["fairley1989"]["band"] == [0.25, 20.0]
+    assert by_name["boileau1998"]["head"] == "head"
 
 
 def test_poles_are_those_of_the_paper_s_seat():

@@ -121,16 +121,16 @@ def bodies(out: OutputOptions) -> None:
 
     known = [load_body(name) for name in list_bodies()]
     if out.as_json:
-        keys = ("name", "title", "posture", "masses", "total_mass", "source")
+        keys = (
+            *("name", "title", "posture", "masses", "total_mass", "support_mass", "subject_mass"),
+            *("band", "head", "group", "confidence", "source", "provenance", "scaling"),
+        )
         write_json(
             {"bodies": [{k: getattr(b, k) for k in keys} | {"active": b.is_active} for b in known]}
         )
         return
-    rows = [
-        (b.name, b.posture, ", ".join(f"{n} {m:g}" for n, m in b.masses.items()), b.is_active)
-        for b in known
-    ]
-    write_table("Bodies", ["name", "posture", "masses [kg]", "active"], rows)
+    rows = [(b.name, b.total_mass, b.group, b.confidence, b.is_active) for b in known]
+    write_table("Bodies", ["name", "mass [kg]", "group", "confidence", "active"], rows)
 
 
 def reproduce(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 from seatdyn.errors import ModelError
 from seatdyn.units import (
     DAMPING,
+    FREQUENCY,
     MASS,
     STIFFNESS,
     Limits,
@@ -26,6 +27,9 @@ from seatdyn.units import (
 SEAT = "seat"
 SUSPENSION_PARAMETERS = ("damping", "stiffness", "seat_mass")  # named so in every system
 WEIGHT = Limits(minimum=-1e3, maximum=1e3)
+SITTING_MASS = Limits(minimum=15.0, maximum=200.0)  # kg on the seat, from a child to the heaviest
+GROUPS = ("vibration", "shock")
+CONFIDENCE = ("", "printed", "high", "medium", "low")
 Item = TypeVar("Item")
 
 
@@ -120,6 +124,16 @@ class SeatedBody:
     feedback : active forces; their gains may act on absolute motions, so that the body need be
         neither translation nor velocity invariant
     title, source, posture : texts for people
+    subject_mass : kg of the whole person that the model stands for, legs included, 1e-6 .. 1e6
+    band : lowest and highest frequency in Hz that the model was made for
+    head : node of the head; empty if the model has none
+    group : "vibration", or "shock" for a model of injury by shocks, whose apparent mass is not that
+        of a person
+    confidence : in the numbers. "printed": in the paper that this package reproduces; "high": two
+        sources agree; "medium": recalled from the literature and plausible, the original not seen;
+        "low": doubtful (none of the catalogue); "": not said
+    provenance : group of numbers -> where it comes from; `scaled` adds to it
+    scaling : what the source says on other sitting masses; empty if it says nothing
     """
 
     name: str
@@ -129,6 +143,13 @@ class SeatedBody:
     title: str = ""
     source: str = ""
     posture: str = ""
+    subject_mass: float | None = None
+    band: tuple[float, float] | None = None
+    head: str = ""
+    group: str = GROUPS[0]
+    confidence: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    scaling: str = ""
 
     def __post_init__(self) -> None:
         """Check masses, nodes and that every mass hangs on something."""
@@ -155,6 +176,40 @@ class SeatedBody:
         if len(set(names)) < len(names):
             raise ModelError(f"SeatedBody({self.name!r}).feedback uses a gain name twice: {names}.")
         self._require_connected()
+        self._check_description(label)
+
+    def _check_description(self, label: str) -> None:
+        """Check what tells people about the body: who, how sure, in which band."""
+        if self.subject_mass is not None:
+            mass = number(self.subject_mass, f"{label}.subject_mass", "kg", **MASS)
+            object.__setattr__(self, "subject_mass", mass)
+        if self.band is not None:
+            if not isinstance(self.band, list | tuple) or len(self.band) != 2:
+                raise ModelError(
+                    f"{label}.band = {self.band!r} is not allowed; it must be the lowest and the "
+                    "highest frequency in Hz, such as [0.5, 20.0]."
+                )
+            low, high = (number(f, f"{label}.band", "Hz", **FREQUENCY) for f in self.band)
+            if not low < high:
+                raise ModelError(
+                    f"{label}.band = {low:g} .. {high:g} Hz is not allowed; the first frequency "
+                    "must be below the second. Exchange them."
+                )
+            object.__setattr__(self, "band", (low, high))
+        if self.head:
+            self._require(set(self.nodes), (self.head,), "head")
+        choices = (("group", self.group, GROUPS), ("confidence", self.confidence, CONFIDENCE))
+        for name, value, allowed in choices:
+            if value not in allowed:
+                raise ModelError(
+                    f"{label}.{name} = {value!r} is not allowed; it must be one of {allowed}."
+                )
+        if not isinstance(self.provenance, Mapping):
+            raise ModelError(
+                f"{label}.provenance = {reprlib.repr(self.provenance)} is of the wrong kind; it "
+                "must map groups of numbers to texts, such as {'masses': 'Table 1'}."
+            )
+        object.__setattr__(self, "provenance", dict(self.provenance))
 
     def _require(self, known: set[str], nodes: tuple[str, ...], where: str) -> None:
         for node in nodes:
@@ -189,9 +244,74 @@ class SeatedBody:
         return float(sum(self.masses.values()))
 
     @property
+    def support_mass(self) -> float:
+        """Mass in kg that moves rigidly with the seat surface: that of the node ``"seat"``."""
+        return self.masses.get(SEAT, 0.0)
+
+    @property
     def is_active(self) -> bool:
         """Whether the body has feedback forces."""
         return bool(self.feedback)
+
+    def scaled(self, *, sitting_mass: float) -> SeatedBody:
+        """The same body at another sitting mass: all masses, links and gains times one factor.
+
+        Poles, transmissibilities and apparent mass over sitting mass do not change.
+
+        Parameters
+        ----------
+        sitting_mass : what `total_mass` of the new body is to be: the mass that rests on the seat,
+            kg, 15 .. 200. Of a person who sits with the feet supported it is less than the mass of
+            the person.
+
+        Returns
+        -------
+        SeatedBody
+            Its `provenance["scaling"]` says by how much, and whether the source of the model
+            defines that (`scaling`) or whether it is an assumption of this package.
+
+        Raises
+        ------
+        ModelError
+            A mass outside the range.
+
+        Examples
+        --------
+        >>> import seatdyn as sd
+        >>> light = sd.load_body("ksiazek1997_back_off").scaled(sitting_mass=40.0)
+        >>> round(light.masses["m1"], 4), light.name
+        (5.1412, 'ksiazek1997_back_off_40kg')
+        >>> light.provenance["scaling"]
+        'all masses, links and gains times 0.564972 (70.8 to 40 kg); assumed by seatdyn'
+        """
+        label = f"sitting_mass of SeatedBody({self.name!r})"
+        new = number(sitting_mass, label, "kg", **SITTING_MASS)
+        factor = new / self.total_mass
+        rule = self.scaling or "assumed by seatdyn"
+        note = (
+            f"all masses, links and gains times {factor:.6g} "
+            f"({self.total_mass:g} to {new:g} kg); {rule}"
+        )
+        if "scaling" in self.provenance:
+            note = f"{self.provenance['scaling']}; then {note}"
+        return replace(
+            self,
+            name=f"{self.name}_{new:g}kg",
+            masses={node: factor * mass for node, mass in self.masses.items()},
+            links=tuple(
+                replace(link, stiffness=factor * link.stiffness, damping=factor * link.damping)
+                for link in self.links
+            ),
+            feedback=tuple(
+                replace(
+                    force,
+                    terms=tuple(replace(term, gain=factor * term.gain) for term in force.terms),
+                )
+                for force in self.feedback
+            ),
+            subject_mass=None if self.subject_mass is None else factor * self.subject_mass,
+            provenance={**self.provenance, "scaling": note},
+        )
 
 
 def check_node_name(node: Any, label: str) -> None:
@@ -293,19 +413,18 @@ def load_body(name: str | Path) -> SeatedBody:
 
 def body_from_dict(data: Mapping[str, Any]) -> SeatedBody:
     """Build a `SeatedBody` from the parsed content of a catalogue file."""
-    return SeatedBody(
-        name=data["name"],
-        masses=data["masses"],
-        links=tuple(Link(**{**link, "between": tuple(link["between"])}) for link in data["links"]),
-        feedback=tuple(
-            FeedbackForce(
-                on=force["on"],
-                reaction=force["reaction"],
-                terms=tuple(FeedbackTerm(**term) for term in force["terms"]),
-            )
-            for force in data.get("feedback", [])
-        ),
-        title=data.get("title", ""),
-        source=data.get("source", ""),
-        posture=data.get("posture", ""),
+    known = [item.name for item in fields(SeatedBody)]
+    for key in data:
+        if key not in known:
+            raise ModelError(f"A body has no field {key!r}. {suggestion(key, known)}")
+    required = {"name": data["name"], "masses": data["masses"]}
+    links = tuple(Link(**{**link, "between": tuple(link["between"])}) for link in data["links"])
+    feedback = tuple(
+        FeedbackForce(
+            on=force["on"],
+            reaction=force["reaction"],
+            terms=tuple(FeedbackTerm(**term) for term in force["terms"]),
+        )
+        for force in data.get("feedback", [])
     )
+    return SeatedBody(**{**data, **required, "links": links, "feedback": feedback})
