@@ -159,7 +159,8 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     Raises
     ------
     RequestError, ModelError
-        See `as_linear_model`; or a pole so fast that its rounding hides the side of another.
+        See `as_linear_model`; no mass that moves by itself; or a pole so fast that its rounding
+        hides the side of another.
 
     Examples
     --------
@@ -295,8 +296,8 @@ def quadratic_eigenvalues(second: Array, first: Array, zeroth: Array) -> Complex
 
 def natural_rate(mass: Array, stiffness: Array) -> float:
     """Angular frequency that brings displacements and velocities to one size; 1 without springs."""
-    ratio = np.linalg.norm(stiffness) / np.linalg.norm(mass)
-    return float(np.sqrt(ratio)) if ratio > 0.0 else 1.0
+    springs, inertia = np.linalg.norm(stiffness), np.linalg.norm(mass)
+    return float(np.sqrt(springs / inertia)) if springs > 0.0 and inertia > 0.0 else 1.0
 
 
 def labelled(
@@ -325,6 +326,11 @@ def labelled(
 
 def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Upper poles sorted by modulus, their shapes (mode, node), and all poles in that order."""
+    if model.size == 0:
+        raise RequestError(
+            "No mass moves by itself here: all of it is on the seat, which is driven. Put the body "
+            "on a Seat, or give it a mass that a Link carries."
+        )
     a = companion(model.mass, model.damping, model.stiffness)
     values, vectors = np.linalg.eig(a)
     values = values.astype(complex)

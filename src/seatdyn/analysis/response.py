@@ -84,11 +84,16 @@ def frequency_response(
     nodes = (model.drive, *model.nodes)
     order = [model.size, *range(model.size)]
     pairs = [(i, j) for i in range(len(nodes)) for j in range(i + 1, len(nodes))]
-    relative = [motion[order[j]] - motion[order[i]] for i, j in pairs]
+    relative = np.array([motion[order[j]] - motion[order[i]] for i, j in pairs])
     along = ("frequency",)
     variables: dict[str, Variable] = {
         "transmissibility": (("node", *along), motion[:-1] + 1.0, "1", "transmissibility"),
-        "relative_displacement": (("pair", *along), relative, "m/m", "relative displacement"),
+        "relative_displacement": (
+            ("pair", *along),
+            relative.reshape(len(pairs), f.size),
+            "m/m",
+            "relative displacement",
+        ),
         "apparent_mass": (along, apparent_mass, "kg", "apparent mass at the driven node"),
         "impedance": (along, s * apparent_mass, "N s/m", "driving-point impedance"),
     }
