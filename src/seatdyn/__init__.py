@@ -38,6 +38,8 @@ _WHERE = {
     "seatdyn.analysis.steady": "steady_state",
     "seatdyn.standards.weighting": "Weighting weighting",
     "seatdyn.standards.metrics": "Metrics metrics",
+    "seatdyn.standards.exposure": "Task daily_exposure",
+    "seatdyn.standards.acceptance": "acceptance_limits",
     "seatdyn.output.figures": "plot",
     "seatdyn.output.files": "save load",
 }

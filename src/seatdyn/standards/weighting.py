@@ -13,7 +13,7 @@ A frequency that is infinite leaves its factor out. ISO 8041-1 prints factors at
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,14 +164,10 @@ class Weighting:
         >>> print(f"{weighted[4000:8000].std() * 2**0.5:.4f}")
         0.7687
         """
-        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-
         x = checked_samples(samples)
         rate = number(rate, "rate", "Hz", **RATE, error=RequestError)
-        slowest = float(np.min(-self.zpk()[1].real))  # 1/s
-        length = next_fast_len(x.shape[-1] + math.ceil(SETTLED * rate / slowest), real=True)
-        spectrum = rfft(x, length) * self.factor(rfftfreq(length, 1 / rate))
-        return np.asarray(irfft(spectrum, length)[..., : x.shape[-1]])
+        slowest = float(np.min(-self.zpk()[1].real))
+        return through_spectrum(x, rate, self.factor, slowest)
 
 
 def weighting(name: str) -> Weighting:
@@ -202,6 +198,22 @@ def weighting(name: str) -> Weighting:
     if name not in WEIGHTINGS:
         raise RequestError(f"There is no weighting {name!r}. {suggestion(str(name), WEIGHTINGS)}")
     return WEIGHTINGS[name]
+
+
+def through_spectrum(
+    samples: Array, rate: float, factor: Callable[[Array], ComplexArray], slowest: float
+) -> Array:
+    """Response to samples that follow upon rest, from the factor of an analogue filter.
+
+    Zeros follow the samples for as long as the slowest pole rings (`slowest` is its decay in 1/s),
+    so that nothing comes back at the start.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+    count = samples.shape[-1]
+    length = next_fast_len(count + math.ceil(SETTLED * rate / slowest), real=True)
+    spectrum = rfft(samples, length) * factor(rfftfreq(length, 1 / rate))
+    return np.asarray(irfft(spectrum, length)[..., :count])
 
 
 def checked_samples(samples: ArrayLike) -> Array:
