@@ -1,0 +1,1 @@
+"""Random signals: spectra, realisations of them, and counts."""
