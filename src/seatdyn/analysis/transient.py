@@ -165,7 +165,7 @@ def check_request(system: Any, excitation: Any) -> None:
     if not isinstance(excitation, Excitation):
         raise RequestError(
             f"excitation = {reprlib.repr(excitation)} is no base motion; use Sine, SineSum, Step, "
-            "HalfSineShock, Sweep, Record or Still."
+            "HalfSineShock, Sweep, Record, RandomMotion or Still."
         )
 
 
