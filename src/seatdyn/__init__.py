@@ -20,6 +20,12 @@ _WHERE = {
         "Spring Damper QuadraticDamper CoulombFriction PiecewiseSpring EndStop "
         "TangentPolynomialSpring PolynomialDamper AsymmetricDamper Preload"
     ),
+    "seatdyn.model.friction": "StribeckFriction",
+    "seatdyn.model.contact": "ContactStop hunt_crossley lankarani_nikravesh",
+    "seatdyn.model.springs": "AirSpring ThreeSpring",
+    "seatdyn.model.dampers": "PowerDamper BalanceDamper",
+    "seatdyn.model.magnetorheological": "BinghamDamper TanhDamper",
+    "seatdyn.model.lever": "Lever ScissorLever",
     "seatdyn.model.tables": "TableSpring TableDamper",
     "seatdyn.model.custom": "force_law",
     "seatdyn.model.seat": "Seat",

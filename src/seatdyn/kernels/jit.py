@@ -113,6 +113,31 @@ def compiled_law(function: Callable[[float, float, Any], float], name: str) -> A
         ) from None
 
 
+@functools.cache
+def _jitable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let compiled code call a plain function, which stays plain for Python."""
+    from numba.extending import register_jitable
+
+    plain: Callable[..., Any] = register_jitable(function)
+    return plain
+
+
+@functools.cache
+def levered(
+    function: Callable[[float, float, Any], float],
+    lever: Callable[[float, Any, int], tuple[float, float]],
+    count: int,
+) -> Callable[[float, float, Any], float]:
+    """Force law r f(D, r v) of a law f with `count` parameters behind a lever (D, r) = g(d)."""
+    behind, path = _jitable(function), _jitable(lever)
+
+    def law(d: float, v: float, p: Any) -> float:
+        travel, ratio = path(d, p, count)
+        return float(ratio * behind(travel, ratio * v, p))
+
+    return law
+
+
 def law_address(function: Callable[[float, float, Any], float], name: str) -> int:
     """Address of the compiled force law."""
     return int(compiled_law(function, name).address)

@@ -94,3 +94,98 @@ def table(d: float, v: float, p: Sequence[float]) -> float:
     rise = p[values + high] - p[values + low]
     m0, m1 = h * p[slopes + low], h * p[slopes + high]
     return p[values + low] + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
+
+
+def linear(d: float, v: float, p: Sequence[float]) -> float:
+    """Spring and damper, as an element behind a lever sees them; p = stiffness, coefficient."""
+    return p[0] * d + p[1] * v
+
+
+def stribeck(d: float, v: float, p: Sequence[float]) -> float:
+    """Stribeck friction; p = sliding, static force, speed, exponent, viscous, slope (0: dry)."""
+    level = p[0] + (p[1] - p[0]) * math.exp(-math.pow(abs(v) / p[2], p[3]))
+    if p[5] > 0.0:
+        sign = TWO_OVER_PI * math.atan(p[5] * v)
+    elif v == 0.0:
+        sign = 0.0
+    else:
+        sign = math.copysign(1.0, v)
+    return level * sign + p[4] * v
+
+
+def power_damper(d: float, v: float, p: Sequence[float]) -> float:
+    """Damper with a power of the speed; p = coefficient, exponent, blending speed."""
+    return p[0] * v * math.pow(v * v + p[2] * p[2], 0.5 * (p[1] - 1.0))
+
+
+def contact(d: float, v: float, p: Sequence[float]) -> float:
+    """Contact k delta^n (1 + lambda delta'), never pulling; p = k, lower, upper, n, lambda."""
+    if d > p[2]:
+        return p[0] * math.pow(d - p[2], p[3]) * max(0.0, 1.0 + p[4] * v)
+    if d < p[1]:
+        return -p[0] * math.pow(p[1] - d, p[3]) * max(0.0, 1.0 - p[4] * v)
+    return 0.0
+
+
+def air_spring(d: float, v: float, p: Sequence[float]) -> float:
+    """Polytropic air spring less its load at d = 0, along its slope outside two edges.
+
+    p = pressure, ambient pressure, area, its slope, volume, exponent, lower and upper edge
+    """
+    inside = min(max(d, p[6]), p[7])
+    area = p[2] + p[3] * inside
+    volume = p[4] + inside * (p[2] + 0.5 * p[3] * inside)
+    pressure = p[0] * math.pow(p[4] / volume, p[5])
+    slope = p[5] * pressure * area * area / volume - (pressure - p[1]) * p[3]
+    return (p[0] - p[1]) * p[2] - (pressure - p[1]) * area + slope * (d - inside)
+
+
+def three_springs(d: float, v: float, p: Sequence[float]) -> float:
+    """One vertical and two oblique springs; p = vertical, oblique, free length, span."""
+    return d * (p[0] + 2.0 * p[1] * (1.0 - p[2] / math.sqrt(d * d + p[3] * p[3])))
+
+
+def bingham(d: float, v: float, p: Sequence[float]) -> float:
+    """Bingham damper; p = yield force, viscous coefficient, offset, slope (0: dry)."""
+    if p[3] > 0.0:
+        sign = TWO_OVER_PI * math.atan(p[3] * v)
+    elif v == 0.0:
+        sign = 0.0
+    else:
+        sign = math.copysign(1.0, v)
+    return p[0] * sign + p[1] * v + p[2]
+
+
+def tanh_damper(d: float, v: float, p: Sequence[float]) -> float:
+    """Damper with a tanh loop; p = viscous, stiffness, height, 1/speed, width, offset."""
+    side = 0.0 if d == 0.0 else math.copysign(p[4], d)
+    return p[0] * v + p[1] * d + p[2] * math.tanh(p[3] * v + side) + p[5]
+
+
+def balance_damper(d: float, v: float, p: Sequence[float]) -> float:
+    """Damper that cancels a spring where a damper can; p = stiffness, smallest, largest."""
+    if d * v >= 0.0:
+        return p[1] * v
+    wanted = -p[0] * d
+    if v > 0.0:
+        return min(max(wanted, p[1] * v), p[2] * v)
+    return max(min(wanted, p[1] * v), p[2] * v)
+
+
+def polynomial_lever(d: float, p: Sequence[float], m: int) -> tuple[float, float]:
+    """Travel and ratio of a lever; p from m on = bump and rebound end, ratio r0 ... r4."""
+    x = min(max(d, p[m]), p[m + 1])
+    a, b, c, e, f = p[m + 2], p[m + 3], p[m + 4], p[m + 5], p[m + 6]
+    ratio = a + x * (b + x * (c + x * (e + x * f)))
+    travel = x * (a + x * (b / 2 + x * (c / 3 + x * (e / 4 + x * f / 5))))
+    return travel + ratio * (d - x), ratio
+
+
+def scissor_lever(d: float, p: Sequence[float], m: int) -> tuple[float, float]:
+    """Travel and ratio of a horizontal element in a scissor; p from m on = arm, height, ends."""
+    x = min(max(d, p[m + 2]), p[m + 3])
+    height = p[m + 1] + x
+    width = math.sqrt(p[m] * p[m] - height * height)
+    ratio = height / width
+    rest = math.sqrt(p[m] * p[m] - p[m + 1] * p[m + 1])
+    return rest - width + ratio * (d - x), ratio

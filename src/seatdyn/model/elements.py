@@ -13,6 +13,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from seatdyn.errors import ModelError
 from seatdyn.kernels import laws
 from seatdyn.model.body import node_pair
@@ -94,6 +97,12 @@ class NonlinearElement(Element, ABC):
     @abstractmethod
     def tangent(self) -> tuple[float, float]:
         """Derivatives dF/dd in N/m and dF/dv in N s/m at d = 0, v = 0."""
+
+    def force_at(self, d: ArrayLike, v: ArrayLike = 0.0) -> NDArray[np.float64]:
+        """Force in N at displacements d (m) and velocities v (m/s), which are broadcast."""
+        law = self.lower()
+        evaluate = np.frompyfunc(lambda x, y: law.function(x, y, law.parameters), 2, 1)
+        return np.asarray(evaluate(np.asarray(d, float), np.asarray(v, float)), dtype=float)
 
 
 @dataclass(frozen=True)

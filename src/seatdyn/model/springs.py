@@ -1,0 +1,128 @@
+"""Springs with a geometry: air spring, and three springs with a stiffness near zero."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from seatdyn.errors import ModelError
+from seatdyn.kernels import laws
+from seatdyn.model.elements import Law, NonlinearElement
+from seatdyn.units import LENGTH, STIFFNESS, Limits, number, quantity
+
+ATMOSPHERE = 101325.0  # Pa, standard atmosphere
+PRESSURE = Limits(minimum=1e3, maximum=1e9)  # Pa, absolute
+AREA = Limits(minimum=1e-9, maximum=1e3)  # m2
+VOLUME = Limits(minimum=1e-12, maximum=1e3)  # m3
+SMALLEST_SHARE = 0.05  # of volume and area, where the law of an air spring goes on along its slope
+SHORTEST = 1e-6  # m
+
+
+@dataclass(frozen=True)
+class AirSpring(NonlinearElement):
+    """Air spring with a polytropic gas: p V^n constant.
+
+    The volume grows with the travel by the effective area, dV/dd = A + A' d, so that no energy is
+    made. The force is that beside the load (p0 - pa) A borne at d = 0:
+    F = (p0 - pa) A - (p - pa) (A + A' d). Its stiffness at d = 0 is n p0 A^2/V - (p0 - pa) A'.
+    Where a twentieth of the volume or of the area is left, it goes on along its slope.
+
+    Parameters
+    ----------
+    pressure : p0 at d = 0 in Pa, absolute, 1e3 .. 1e9
+    area : effective area A at d = 0 in m2, 1e-9 .. 1e3
+    volume : V at d = 0 in m3, 1e-12 .. 1e3
+    exponent : n, 1 (slow, isothermal) .. 1.7; 1.4 is adiabatic for air
+    area_slope : A' in m2/m, within +-1e3; negative where the area shrinks in rebound
+    ambient : pa in Pa, absolute, 0 .. 1e9
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> spring = sd.AirSpring(pressure=5e5, area=5e-3, volume=1e-3, exponent=1.4)
+    >>> round(spring.tangent()[0], 3), round(spring.load, 3)
+    (17500.0, 1993.375)
+    """
+
+    pressure: float = quantity("Pa", **PRESSURE)
+    area: float = quantity("m2", **AREA)
+    volume: float = quantity("m3", **VOLUME)
+    exponent: float = quantity("", minimum=1.0, maximum=1.7)
+    area_slope: float = quantity("m", default=0.0, minimum=-1e3, maximum=1e3)
+    ambient: float = quantity("Pa", default=ATMOSPHERE, minimum=0.0, maximum=1e9)
+
+    @property
+    def load(self) -> float:
+        """Weight in N that it bears at d = 0: (p0 - pa) A."""
+        return (self.pressure - self.ambient) * self.area
+
+    def lower(self) -> Law:
+        """The law, smooth between its edges."""
+        parameters = (self.pressure, self.ambient, self.area, self.area_slope, self.volume)
+        return Law(laws.air_spring, (*parameters, self.exponent, *self._edges()))
+
+    def _edges(self) -> tuple[float, float]:
+        """Travels in bump and rebound beyond which the law goes on along its slope."""
+        a, bend, lost = self.area, self.area_slope, (1.0 - SMALLEST_SHARE) * self.volume
+        shrunk = -(1.0 - SMALLEST_SHARE) * a / bend if bend else math.inf
+        # V0 + A d + A' d^2/2 = 5 % of V0, the root nearer to zero
+        root = a * a - 2.0 * bend * lost
+        flat = -2.0 * lost / (a + math.sqrt(root)) if root > 0.0 else -math.inf
+        low = max(flat, shrunk if bend > 0.0 else -math.inf, -LENGTH["maximum"])
+        return low, min(shrunk if bend < 0.0 else math.inf, LENGTH["maximum"])
+
+    def tangent(self) -> tuple[float, float]:
+        """Stiffness n p0 A^2/V - (p0 - pa) A'."""
+        gas = self.exponent * self.pressure * self.area**2 / self.volume
+        return (gas - (self.pressure - self.ambient) * self.area_slope, 0.0)
+
+
+@dataclass(frozen=True)
+class ThreeSpring(NonlinearElement):
+    """A vertical spring and two oblique ones that take stiffness away near the middle.
+
+    F = k_v d + 2 k_o d (1 - L0/sqrt(d^2 + a^2)): the oblique springs lie flat at d = 0 over the
+    span a < L0 and are compressed there (Carrella, Brennan and Waters 2007, J. Sound Vib.
+    301:678-689).
+    Its stiffness at d = 0 is k_v - 2 k_o (L0/a - 1).
+
+    Parameters
+    ----------
+    vertical : k_v in N/m, 0 .. 1e12
+    oblique : k_o of each, N/m, 0 .. 1e12
+    free_length : L0 in m, 1e-6 .. 1000
+    span : a in m, 1e-6 .. 1000
+    """
+
+    vertical: float = quantity("N/m", **STIFFNESS)
+    oblique: float = quantity("N/m", **STIFFNESS)
+    free_length: float = quantity("m", minimum=SHORTEST, maximum=LENGTH["maximum"])
+    span: float = quantity("m", minimum=SHORTEST, maximum=LENGTH["maximum"])
+
+    @classmethod
+    def quasi_zero(cls, vertical: float, oblique: float, free_length: float) -> ThreeSpring:
+        """The mechanism with the span at which the stiffness at d = 0 is zero.
+
+        a = 2 k_o L0/(k_v + 2 k_o).
+
+        Examples
+        --------
+        >>> import seatdyn as sd
+        >>> mechanism = sd.ThreeSpring.quasi_zero(8000.0, 8000.0, free_length=0.15)
+        >>> round(mechanism.span, 9), abs(mechanism.tangent()[0]) < 1e-9
+        (0.1, True)
+        """
+        k = number(vertical, "ThreeSpring.vertical", "N/m", **STIFFNESS)
+        o = number(oblique, "ThreeSpring.oblique", "N/m", **STIFFNESS)
+        length = number(free_length, "ThreeSpring.free_length", "m", **LENGTH)
+        if not o > 0.0:
+            raise ModelError("ThreeSpring.oblique = 0 N/m is not allowed here; give it stiffness.")
+        return cls(k, o, length, 2.0 * o * length / (k + 2.0 * o))
+
+    def lower(self) -> Law:
+        """The law, smooth."""
+        return Law(laws.three_springs, (self.vertical, self.oblique, self.free_length, self.span))
+
+    def tangent(self) -> tuple[float, float]:
+        """Stiffness k_v + 2 k_o (1 - L0/a)."""
+        return (self.vertical + 2.0 * self.oblique * (1.0 - self.free_length / self.span), 0.0)
