@@ -23,7 +23,14 @@ from seatdyn.app.cli import app
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "seatdyn"
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PAGES = ("README.md", "docs/tutorial.md", "docs/howto.md", "docs/random.md", "docs/cli.md")
+PAGES = (
+    "README.md",
+    "docs/tutorial.md",
+    "docs/howto.md",
+    "docs/random.md",
+    "docs/elements.md",
+    "docs/cli.md",
+)
 MODULES = sorted(
     module.name
     for module in pkgutil.walk_packages([str(SOURCE)], "seatdyn.")

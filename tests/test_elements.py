@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -268,6 +269,13 @@ def test_every_element_is_tested():
     assert {kind for kind in leaves(NonlinearElement) if kind.__module__.startswith("seatdyn")} == (
         tested
     )
+
+
+def test_every_element_has_its_equation_in_the_docs():
+    page = (Path(__file__).parents[1] / "docs" / "elements.md").read_text(encoding="utf-8")
+    for element, _ in LAWS.values():
+        kind = type(element)
+        assert kind.__module__ == "seatdyn.model.custom" or f"`{kind.__name__}`" in page
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -177,7 +177,7 @@ class ScissorLever(Levered):
     Examples
     --------
     >>> import seatdyn as sd
-    >>> sd.ScissorLever(sd.Spring(20000.0), arm=0.5, height=0.3).ratio(0.0)
+    >>> round(sd.ScissorLever(sd.Spring(20000.0), arm=0.5, height=0.3).ratio(0.0), 9)
     0.75
     """
 
