@@ -40,6 +40,7 @@ _WHERE = {
     "seatdyn.analysis.linear": "poles modes state_space",
     "seatdyn.analysis.zeros": "zeros",
     "seatdyn.analysis.response": "frequency_response active_bands",
+    "seatdyn.analysis.compare": "compare_bodies",
     "seatdyn.analysis.occupant": "swap_occupant",
     "seatdyn.analysis.stability": "is_stable stability_map",
     "seatdyn.analysis.boundary": "stability_boundary critical_values",

@@ -15,8 +15,9 @@ from typer.core import TyperGroup
 
 import seatdyn
 from seatdyn.app import linear, response
-from seatdyn.app.options import OutputOptions, option, spread
-from seatdyn.app.show import Messages, progress_bar, say, write_json, write_line, write_table
+from seatdyn.app.bodies import bodies
+from seatdyn.app.options import option, spread
+from seatdyn.app.show import Messages, progress_bar, say, write_line, write_table
 from seatdyn.errors import SeatdynError, SeatdynWarning
 
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 1
@@ -115,24 +116,6 @@ def start(
         write_line(context.get_help())
 
 
-def bodies(out: OutputOptions) -> None:
-    """List the bodies of the catalogue."""
-    from seatdyn.model.body import list_bodies, load_body
-
-    known = [load_body(name) for name in list_bodies()]
-    if out.as_json:
-        keys = (
-            *("name", "title", "posture", "masses", "total_mass", "support_mass", "subject_mass"),
-            *("band", "head", "group", "confidence", "source", "provenance", "scaling"),
-        )
-        write_json(
-            {"bodies": [{k: getattr(b, k) for k in keys} | {"active": b.is_active} for b in known]}
-        )
-        return
-    rows = [(b.name, b.total_mass, b.group, b.confidence, b.is_active) for b in known]
-    write_table("Bodies", ["name", "mass [kg]", "group", "confidence", "active"], rows)
-
-
 def reproduce(
     out: Annotated[
         Path, option("--out", "Directory of the report.", panel="Output", default=True)
@@ -164,7 +147,7 @@ def _percent(share: float | None) -> str:
 
 
 EXAMPLES: dict[Callable[..., None], str] = {
-    bodies: "bodies --json",
+    bodies: "bodies --compare --json",
     linear.poles: "poles --seat-mass 30 --json",
     linear.zeros: "zeros --body-alone --output m1",
     linear.frf: "frf --frequency 0.5 20 400 --plot frf.png",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatdyn.errors import OutputError
+from seatdyn.output.bodies import draw_bodies
 from seatdyn.output.files import require_dataset, writable, write_whole
 
 if TYPE_CHECKING:
@@ -35,8 +36,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
 
     Parameters
     ----------
-    dataset : result of `simulate`, `steady_state`, `frequency_response`, `stability_map`, `poles`
-        or `zeros`, computed or loaded
+    dataset : result of `simulate`, `steady_state`, `frequency_response`, `stability_map`, `poles`,
+        `zeros` or `compare_bodies`, computed or loaded
     path : also write the picture there, ``.png`` (1200 px wide), ``.svg`` or ``.pdf``
     title : over the picture
 
@@ -63,7 +64,9 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     require_dataset(dataset)
     names = set(dataset.variables)
     figure = Figure(figsize=(WIDTH, 7.0), dpi=DPI, layout="constrained")
-    if {"harmonics", "time"} <= names:
+    if "apparent_mass_peak" in names:
+        draw_bodies(figure, dataset)
+    elif {"harmonics", "time"} <= names:
         _steady(figure, dataset)
     elif {"acceleration", "time"} <= names:
         _history(figure.subplots(3, 1, sharex=True), dataset)
@@ -79,8 +82,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         why = f"its status is {status!r}" if status else "no known kind of result"
         raise OutputError(
             f"This Dataset cannot be drawn: {why} (variables {sorted(map(str, names))}). Give a "
-            "valid result of simulate, steady_state, frequency_response, stability_map, poles or "
-            "zeros."
+            "valid result of simulate, steady_state, frequency_response, stability_map, poles, "
+            "zeros or compare_bodies."
         )
     if title:
         figure.suptitle(title)
