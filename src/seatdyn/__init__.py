@@ -29,6 +29,7 @@ _WHERE = {
     "seatdyn.model.tables": "TableSpring TableDamper",
     "seatdyn.model.custom": "force_law",
     "seatdyn.model.seat": "Seat",
+    "seatdyn.model.seat_file": "load_seat list_seats save_seat",
     "seatdyn.model.system": "SeatSystem",
     "seatdyn.model.excitation": "Sine SineSum Still",
     "seatdyn.model.pulses": "Step HalfSineShock Sweep",

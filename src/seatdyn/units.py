@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import re
 import reprlib
 from collections.abc import Iterable
 from typing import Any, TypedDict
@@ -93,6 +94,51 @@ def number(
         message = f"{name} = {given} is not allowed; it must be {allowed}. {hint}"
         raise error(message.rstrip())
     return result
+
+
+# Units that a text may carry, by the SI unit that they stand for.
+OTHER_UNITS: dict[str, dict[str, float]] = {
+    "kg": {"g": 1e-3, "t": 1e3},
+    "m": {"mm": 1e-3, "cm": 1e-2},
+    "m2": {"mm2": 1e-6, "cm2": 1e-4},
+    "m3": {"mm3": 1e-9, "cm3": 1e-6, "l": 1e-3},
+    "m/s": {"mm/s": 1e-3, "km/h": 1 / 3.6},
+    "s": {"ms": 1e-3},
+    "N": {"kN": 1e3},
+    "N/m": {"kN/m": 1e3, "N/mm": 1e3, "N/cm": 1e2},
+    "N s/m": {"kN s/m": 1e3, "N s/mm": 1e3, "N s/cm": 1e2},
+    "Pa": {"kPa": 1e3, "MPa": 1e6, "bar": 1e5},
+}
+WITH_UNIT = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def in_unit(value: Any, name: str, unit: str) -> Any:
+    """Return a text such as "12 kN/m" as a number in `unit`; anything else as it is.
+
+    Raises
+    ------
+    ModelError
+        A text that is no number with `unit` or a unit that stands for it.
+
+    Examples
+    --------
+    >>> in_unit("12 kN/m", "Spring.stiffness", "N/m")
+    12000.0
+    """
+    if not isinstance(value, str):
+        return value
+    units = {unit: 1.0, **OTHER_UNITS.get(unit, {})}
+    match = WITH_UNIT.fullmatch(value)
+    try:
+        size, given = float(match[1] if match else value), match[2] if match else ""
+    except ValueError:
+        raise ModelError(
+            f"{name} = {value!r} is not a number with a unit; write it like '1.5 {unit}'."
+        ) from None
+    if given not in units:
+        known = ", ".join(units)
+        raise ModelError(f"{name} = {value!r} is not in a unit that fits; use one of {known}.")
+    return size * units[given]
 
 
 def validated(obj: Any, *, error: type[SeatdynError] = ModelError) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from seatdyn.errors import ModelError
 from seatdyn.model.elements import Element
@@ -18,10 +18,14 @@ class Seat:
     mass : mass that moves with the seat frame, kg, 1e-6 .. 1e6
     suspension : elements; each acts between base and seat unless its `between` says otherwise,
         and elements across the same two nodes add up
+    name, title, source : texts for people; `source` says where the numbers come from
     """
 
     mass: float = quantity("kg", **MASS)
     suspension: tuple[Element, ...] = ()
+    name: str = field(default="", kw_only=True)
+    title: str = field(default="", kw_only=True)
+    source: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         """Check the mass and that the suspension is a list of elements."""
@@ -32,6 +36,9 @@ class Seat:
                 "such as [Spring(9950.0), Damper(260.0)]."
             )
         object.__setattr__(self, "suspension", tuple(self.suspension))
+        for key in ("name", "title", "source"):
+            if not isinstance(getattr(self, key), str):
+                raise ModelError(f"Seat.{key} = {getattr(self, key)!r} must be a text.")
         for element in self.suspension:
             if not isinstance(element, Element):
                 raise ModelError(
