@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike
 
 from seatdyn.analysis.linear import Array, ComplexArray, Linearise, as_linear_model, labelled, poles
 from seatdyn.analysis.response import active_bands, checked_frequencies, frequency_response
+from seatdyn.analysis.seat_factor import seat_factor
 from seatdyn.analysis.stability import is_stable
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.body import SEAT, SeatedBody, list_bodies, list_of, load_body
 from seatdyn.model.seat import Seat
 from seatdyn.model.system import SeatSystem
+from seatdyn.signals.inputs import seat_test_input
+from seatdyn.signals.spectrum import Spectrum
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +34,7 @@ def compare_bodies(
     *,
     sitting_mass: float | None = None,
     seat: Seat | None = None,
+    inputs: Iterable[str] | Mapping[str, Spectrum] | None = None,
     frequency: ArrayLike = FREQUENCY,
     linearise: Linearise = None,
 ) -> xr.Dataset:
@@ -41,6 +45,8 @@ def compare_bodies(
     bodies : names of the catalogue or bodies, each name once; all of the catalogue by default
     sitting_mass : scale every body to this mass on the seat (`SeatedBody.scaled`), kg, 15 .. 200
     seat : put every body on this seat, too
+    inputs : with a seat, base motions to give SEAT factors for: names of seat-test classes such as
+        "EM3", or name -> spectrum of the base acceleration
     frequency : Hz, > 0, of the curves
     linearise : of the non-linear elements of the seat, as in `poles`
 
@@ -55,14 +61,18 @@ def compare_bodies(
         `status`. Over (`body`, `band`): `active_low` and `active_high` in Hz, where the body feeds
         power into its seat, filled up with NaN. Over (`body`, `frequency`), complex:
         `apparent_mass` in kg and `head` (head/seat). With a seat also `transmissibility`
-        (seat/base), NaN where the status is "unstable".
+        (seat/base), and with inputs over (`body`, `input`) `seat_factor`: r.m.s. acceleration of
+        the seat over that of the base, both weighted by Wk, at the node "seat", the frame, of the
+        linear system; NaN where the status is "unstable".
 
     Raises
     ------
     RequestError
-        No bodies, or a name twice; `linearise` without a seat.
+        No bodies, or a name twice; `linearise` or `inputs` without a seat.
     ModelError
         An unknown body, or a sitting mass out of its range.
+    ExcitationError
+        An unknown seat-test class.
 
     Examples
     --------
@@ -74,14 +84,17 @@ def compare_bodies(
     chosen = _chosen(bodies, sitting_mass)
     if linearise is not None and seat is None:
         raise RequestError(f"linearise = {linearise!r} is about the elements of a seat; give one.")
+    spectra = _spectra(inputs)
+    if spectra and seat is None:
+        raise RequestError(f"inputs = {list(spectra)} need a seat that they shake; give one.")
     f = checked_frequencies(frequency)
     rows = [_row(body, f) for body in chosen]
     widest = max(row.bands.shape[1] for row in rows)
     bands = np.full((len(rows), 2, widest), np.nan)
     for i, row in enumerate(rows):
         bands[i, :, : row.bands.shape[1]] = row.bands
-    systems = [body if seat is None else SeatSystem(body, seat) for body in chosen]
-    stable = [is_stable(system, linearise=linearise) for system in systems]
+    systems = [SeatSystem(body, seat) for body in chosen] if seat is not None else []
+    stable = [is_stable(system, linearise=linearise) for system in systems or chosen]
     along, curve = ("body",), ("body", "frequency")
     variables: dict[str, Any] = {
         "mass": (along, [b.total_mass for b in chosen], "kg", "mass on the seat"),
@@ -106,7 +119,7 @@ def compare_bodies(
             "of the body on its seat",
         ),
     }
-    if seat is not None:
+    if systems:
         values = [
             frequency_response(system, frequency=f, linearise=linearise)
             .transmissibility.sel(node=SEAT)
@@ -116,19 +129,30 @@ def compare_bodies(
             for system, good in zip(systems, stable, strict=True)
         ]
         variables["transmissibility"] = (curve, values, "1", "seat/base")
-    coords = {
+        if spectra:
+            factors = [
+                [seat_factor(system, g, linearise=linearise) for g in spectra.values()]
+                if good
+                else [np.nan] * len(spectra)
+                for system, good in zip(systems, stable, strict=True)
+            ]
+            variables["seat_factor"] = (("body", "input"), factors, "1", "SEAT factor, Wk")
+    coords: dict[str, Any] = {
         "body": [body.name for body in chosen],
         "frequency": ("frequency", f, {"units": "Hz", "long_name": "frequency"}),
     }
+    if spectra:
+        coords["input"] = list(spectra)
     request = {
         "function": "compare_bodies",
         "sitting_mass": sitting_mass,
         "seat": None if seat is None else repr(seat),
+        "inputs": {name: repr(spectrum) for name, spectrum in spectra.items()},
         "linearise": linearise,
     }
-    inputs = json.dumps([repr(body) for body in chosen])
-    model = as_linear_model(systems[0], linearise)
-    return labelled(variables, coords, model, request, inputs=inputs)
+    described = json.dumps([repr(body) for body in chosen])
+    model = as_linear_model((systems or chosen)[0], linearise)
+    return labelled(variables, coords, model, request, bodies=described)
 
 
 @dataclass(frozen=True)
@@ -182,6 +206,23 @@ def _lowest(body: SeatedBody) -> float:
     found = poles(body)
     oscillating = found.f0.values[found["imag"].values > 0.0]
     return float(oscillating.min()) if oscillating.size else np.nan
+
+
+def _spectra(inputs: Iterable[str] | Mapping[str, Spectrum] | None) -> dict[str, Spectrum]:
+    """Spectra of a request by their names."""
+    if inputs is None:
+        return {}
+    if isinstance(inputs, Mapping):
+        for name, spectrum in inputs.items():
+            if not isinstance(spectrum, Spectrum):
+                raise RequestError(
+                    f"inputs[{name!r}] = {spectrum!r} is no spectrum; use `seat_test_input`, "
+                    "`SpectrumTable` or another."
+                )
+        return {str(name): spectrum for name, spectrum in inputs.items()}
+    return {
+        name: seat_test_input(name) for name in ([inputs] if isinstance(inputs, str) else inputs)
+    }
 
 
 def _chosen(
