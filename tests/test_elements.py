@@ -220,7 +220,7 @@ POWERS = {"polynomial": {sd.Lever: lambda i: (-i, 0, 0)}}  # fields that are lis
 
 def fields_with_units(element):
     inner = getattr(element, "element", None)
-    own = [f for f in dataclasses.fields(element) if "unit" in f.metadata]
+    own = [f for f in dataclasses.fields(element) if "unit" in f.metadata and f.name != "delay"]
     listed = [f for f in POWERS if hasattr(element, f) and type(element) not in POWERS[f]]
     return (own or inner) and not listed
 
@@ -243,7 +243,7 @@ def in_units(element, *scales):
     changes = {
         f.name: getattr(element, f.name) * factor(DIMENSIONS[f.metadata["unit"]])
         for f in dataclasses.fields(element)
-        if "unit" in f.metadata
+        if "unit" in f.metadata and f.name != "delay"  # which is no part of the law
     }
     for name, kinds in POWERS.items():
         if type(element) in kinds:

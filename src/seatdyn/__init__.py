@@ -45,6 +45,7 @@ _WHERE = {
     "seatdyn.analysis.occupant": "swap_occupant",
     "seatdyn.analysis.stability": "is_stable stability_map",
     "seatdyn.analysis.boundary": "stability_boundary critical_values",
+    "seatdyn.analysis.delay_margin": "delay_margin",
     "seatdyn.analysis.run": "Settings",
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.steady": "steady_state",

@@ -35,6 +35,7 @@ SPEED = Limits(minimum=0.0, maximum=1e4)  # m/s
 ACCELERATION = Limits(minimum=0.0, maximum=1e6)  # m/s2
 FREQUENCY = Limits(minimum=1e-4, maximum=1e5)  # Hz
 DURATION = Limits(minimum=1e-6, maximum=1e9)  # s, of a base motion
+DELAY = Limits(minimum=0.0, maximum=10.0)  # s, of a force
 RATE = Limits(minimum=1e-3, maximum=1e7)  # Hz, of samples
 
 

@@ -21,6 +21,7 @@ from seatdyn.analysis.characteristic import (
     substituted,
 )
 from seatdyn.analysis.crossings import crossings
+from seatdyn.analysis.delay_loop import loop_crossings, loop_of
 from seatdyn.analysis.linear import (
     Array,
     ComplexArray,
@@ -29,6 +30,7 @@ from seatdyn.analysis.linear import (
     Variable,
     as_linear_model,
     companion,
+    dynamic_stiffness,
     labelled,
     on_left,
 )
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SUSPENSION = ("seat_mass", "damping", "stiffness")
+JUST = 1e-7  # relative step off a delay with a pole on the axis, to either side
 
 
 def critical_values(
@@ -142,7 +145,7 @@ def stability_boundary(
     * `frequency` and `stiffness`: `seat_mass` and `damping` over (stiffness, frequency), closed
       form: the curves of a map of damping over seat mass;
     * `seat_mass` and `stiffness`: all dampings >= 0 with a pole on the axis, over (stiffness,
-      seat_mass, branch), filled up with NaN, with their `frequency` in Hz.
+      seat_mass, branch), filled up with NaN, with their `frequency` in Hz. Not with delays.
 
     Parameters
     ----------
@@ -167,7 +170,8 @@ def stability_boundary(
     -----
     With S_0(s) the dynamic stiffness at the seat of all but seat mass and suspension,
     damping = -Im S_0(i w)/w, which neither seat mass nor stiffness changes, and
-    stiffness = w^2 m_0 - Re S_0(i w).
+    stiffness = w^2 m_0 - Re S_0(i w). With a delay tau of the suspension, both from
+    (stiffness + i w damping) exp(-i w tau) = w^2 m_0 - S_0(i w), two real linear equations.
 
     Examples
     --------
@@ -178,11 +182,12 @@ def stability_boundary(
     >>> edge.damping.values[0, :, 0].round(2).tolist()  # at 35 kg no damper makes it unstable
     [2287.82, nan]
     """
-    model = as_linear_model(system, linearise)
+    model = as_linear_model(system, linearise, delays=True)
     if not set(SUSPENSION) <= set(model.parameters):
         raise RequestError(
-            "stability_boundary needs a seat on a suspension; put the body on a Seat in a "
-            "SeatSystem. For a body alone use critical_values with one of its gains."
+            "stability_boundary needs a seat on a suspension, whose dampers share one delay and "
+            "whose springs share one; put the body on a Seat in a SeatSystem. For a body alone "
+            "use critical_values with one of its gains."
         )
     request = {"function": "stability_boundary", "linearise": linearise}
     static = 0.0 - float(_body_stiffness(model, np.zeros(1, dtype=complex))[0].real)
@@ -192,6 +197,7 @@ def stability_boundary(
                 "stability_boundary takes two of frequency, seat_mass and stiffness "
                 "(or frequency alone)."
             )
+        model.refuse_delays()
         masses = parameter_values(model, "seat_mass", seat_mass)
         springs = parameter_values(model, "stiffness", stiffness)
         variables = _branches(model, masses, springs)
@@ -212,13 +218,16 @@ def stability_boundary(
 
 def _curves(model: LinearModel, given: str, values: Array, rate: Array) -> dict[str, Variable]:
     """Damping and the parameter that is not given, over (given, frequency)."""
-    s0 = _body_stiffness(model, 1j * rate)
+    other = "stiffness" if given == "seat_mass" else "seat_mass"
     dims = (given, "frequency")
-    damping = np.broadcast_to(-s0.imag / rate, (values.size, rate.size))
-    if given == "seat_mass":
-        other, wanted = "stiffness", values[:, None] * rate**2 - s0.real
-    else:
-        other, wanted = "seat_mass", (values[:, None] + s0.real) / rate**2
+    entry = {name: _entry(model, name, 1j * rate) for name in SUSPENSION}
+    # two real equations: damping entry_d + other entry_o = rest
+    rest = -_body_stiffness(model, 1j * rate) - values[:, None] * entry[given]
+    across = np.conj(entry[other])
+    damping = np.imag(across * rest) / np.imag(across * entry["damping"])
+    wanted = np.imag(np.conj(entry["damping"]) * rest) / np.imag(
+        np.conj(entry["damping"]) * entry[other]
+    )
     point = {given: np.broadcast_to(values[:, None], wanted.shape), other: wanted}
     point["damping"] = damping
     edge = _others_stable(model, point, np.broadcast_to(rate, wanted.shape))
@@ -257,9 +266,11 @@ def _branches(model: LinearModel, masses: Array, springs: Array) -> dict[str, Va
 
 def _body_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
     """S_0(s) in N/m, (F,): the body condensed on the seat, without seat mass and suspension."""
-    mass, damping, stiffness = substituted(model, dict.fromkeys(SUSPENSION, 0.0))
-    z = s[:, None, None]
-    dynamic = stiffness + z * damping + z**2 * mass
+    dynamic = dynamic_stiffness(model, s)
+    for name in SUSPENSION:
+        term = model.parameters[name]
+        weight = term.value * _entry(model, name, s)
+        dynamic = dynamic - weight[:, None, None] * np.outer(term.left, term.right)
     seat = model.index(SEAT)
     body = [i for i in range(model.size) if i != seat]
     inner = dynamic[:, body][:, :, body]
@@ -267,10 +278,22 @@ def _body_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
     return np.asarray(dynamic[:, seat, seat] - np.sum(dynamic[:, seat, body] * moved, axis=1))
 
 
+def _entry(model: LinearModel, name: str, s: ComplexArray) -> ComplexArray:
+    """What multiplies a parameter in the dynamic stiffness, (F,)."""
+    term = model.parameters[name]
+    return np.asarray(s**term.order * np.exp(-s * term.delay))
+
+
 def _others_stable(model: LinearModel, point: dict[str, Array], rate: Array) -> NDArray[np.bool_]:
     """Whether all poles but the pair at +-i rate are stable, where the point is admissible."""
     good = (point["seat_mass"] > 0.0) & (point["damping"] >= 0.0) & (point["stiffness"] >= 0.0)
     values = {name: value[good] for name, value in point.items()}
+    if model.delayed:
+        loop = loop_crossings(loop_of(model, values))
+        either_side = model.delayed[0].delay * np.array([1.0 - JUST, 1.0 + JUST])
+        edge = np.zeros(good.shape, dtype=bool)
+        edge[good] = loop.count(either_side).min(axis=1) == 0
+        return edge
     poles = np.linalg.eigvals(companion(*substituted(model, values)))
     if values["damping"].size == 0:
         return good

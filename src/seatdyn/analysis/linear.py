@@ -3,7 +3,8 @@
     M z'' + C z' + K z = p u + q u'
 
 with z the absolute displacements of the free nodes and u that of the driven node: the base under a
-seat, the seat under a body alone. The matrices are not symmetric where the body is active, so
+seat, the seat under a body alone. Forces that act late add exp(-s tau) (K_tau + s C_tau) to the
+characteristic matrix, see `delay`. The matrices are not symmetric where the body is active, so
 nothing here may lean on symmetry.
 """
 
@@ -49,13 +50,17 @@ class StateSpace(NamedTuple):
     outputs: tuple[str, ...]
 
 
-def as_linear_model(system: Linearisable, linearise: Linearise = None) -> LinearModel:
+def as_linear_model(
+    system: Linearisable, linearise: Linearise = None, *, delays: bool = False
+) -> LinearModel:
     """Return the matrices of a system or body; matrices given as such are passed on.
+
+    `delays` says that the caller takes delayed forces into account.
 
     Raises
     ------
     RequestError
-        `system` is something else, or `linearise` is asked of matrices.
+        `system` is something else, `linearise` is asked of matrices, or forces are delayed.
     ModelError
         A free node has no mass: the order of the system would depend on it.
     """
@@ -78,7 +83,20 @@ def as_linear_model(system: Linearisable, linearise: Linearise = None) -> Linear
             f"The free nodes {empty} have no mass; give each a mass > 0 kg, or merge it with its "
             "neighbour."
         )
+    if not delays:
+        model.refuse_delays()
     return model
+
+
+def dynamic_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
+    """Characteristic matrix M s^2 + C s + K + sum of exp(-s tau) (K_tau + s C_tau), (..., N, N)."""
+    n, z = model.size, np.asarray(s)[..., None, None]
+    prompt = model.prompt
+    total = prompt.stiffness + z * prompt.damping + z**2 * prompt.mass
+    for group in model.delayed:
+        late = group.stiffness[:n, :n] + z * group.damping[:n, :n]
+        total = total + np.exp(-z * group.delay) * late
+    return np.asarray(total)
 
 
 def companion(mass: Array, damping: Array, stiffness: Array) -> Array:
@@ -154,7 +172,9 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
         Over `mode`: `real`, `imag` (>= 0) in 1/s; `f0` = |s|/2 pi (undamped) and `fd` = imag/2 pi
         (damped) in Hz; `damping_ratio` = -real/|s|; `stable`. Over `root`: `pole`, complex, all
         2N of them. Attribute `stable`, 1 if every pole has a negative real part; one that is zero
-        to rounding counts as unstable.
+        to rounding counts as unstable. With delayed forces the poles are infinitely many: these
+        are the rightmost, at least 2N, and all whose real part exceeds the attribute
+        `complete_above` in 1/s (-inf without delay).
 
     Raises
     ------
@@ -168,10 +188,10 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     >>> sd.poles(sd.load_body("ksiazek1997_back_off")).fd.values.round(2).tolist()
     [4.74, 8.25]
     """
-    model = as_linear_model(system, linearise)
-    upper, _, every = _sorted_modes(model)
+    model = as_linear_model(system, linearise, delays=True)
+    upper, _, every, above = _sorted_modes(model)
     stable = on_left(upper.real, np.max(np.abs(every)))
-    stable[0] &= not pole_at_zero(every, model.stiffness)
+    stable[0] &= not pole_at_zero(every, dynamic_stiffness(model, np.zeros((), dtype=complex)).real)
     with np.errstate(invalid="ignore"):  # a pole at zero has no damping ratio
         ratio = -upper.real / np.abs(upper)
     mode = ("mode",)
@@ -189,6 +209,7 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
         model,
         {"function": "poles", "linearise": linearise},
         stable=int(np.all(stable)),
+        complete_above=above,
     )
 
 
@@ -216,8 +237,8 @@ def modes(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     >>> sd.modes(sd.load_body("ksiazek1997_back_off")).sizes["node"]
     2
     """
-    model = as_linear_model(system, linearise)
-    upper, shapes, _ = _sorted_modes(model)
+    model = as_linear_model(system, linearise, delays=True)
+    upper, shapes, *_ = _sorted_modes(model)
     return labelled(
         {
             "shape": (("mode", "node"), shapes, "1", "mode shape"),
@@ -324,22 +345,32 @@ def labelled(
     return xr.Dataset(data, dict(coords), {**provenance, **attrs})
 
 
-def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Upper poles sorted by modulus, their shapes (mode, node), and all poles in that order."""
+def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray, float]:
+    """Upper poles sorted by modulus, their shapes (mode, node), all poles in that order.
+
+    Last comes the real part above which these are all.
+    """
     if model.size == 0:
         raise RequestError(
             "No mass moves by itself here: all of it is on the seat, which is driven. Put the body "
             "on a Seat, or give it a mass that a Link carries."
         )
-    a = companion(model.mass, model.damping, model.stiffness)
-    values, vectors = np.linalg.eig(a)
+    above = -np.inf
+    if model.delayed:
+        from seatdyn.analysis.delay import rightmost_roots
+
+        values, above = rightmost_roots(model)
+        vectors = np.linalg.svd(dynamic_stiffness(model, values))[2][:, -1].conj().T
+    else:
+        a = companion(model.mass, model.damping, model.stiffness)
+        values, vectors = np.linalg.eig(a)
     values = values.astype(complex)
     order = np.lexsort((-values.imag, values.real, np.abs(values)))
     upper = np.array([i for i in order if values[i].imag >= 0.0])
     shapes = vectors[: model.size, upper].T.astype(complex)
     largest = np.argmax(np.abs(shapes), axis=1)[:, None]
     shapes = shapes / np.take_along_axis(shapes, largest, axis=1)
-    return values[upper], shapes, with_conjugates(values[upper])
+    return values[upper], shapes, with_conjugates(values[upper]), above
 
 
 def with_conjugates(upper: ComplexArray) -> ComplexArray:

@@ -8,18 +8,25 @@ from seatdyn.errors import ModelError
 from seatdyn.kernels.jit import law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.excitation import Motion
-from seatdyn.model.system import BASE, SeatSystem
+from seatdyn.model.system import BASE, SeatSystem, refuse_delays
 
 
-def lower(system: SeatSystem, motion: Motion) -> Plant:
+def lower(system: SeatSystem, motion: Motion, *, delays: bool = False) -> Plant:
     """Arrays of a system under a base motion.
+
+    With `delays` the caller adds delayed forces himself: linear ones are left out, and all
+    channels are listed as if they acted at once.
 
     Raises
     ------
     ModelError
         A free node without mass.
+    RequestError
+        Forces are delayed, and the caller has no place for them.
     """
-    linear = system.linear
+    if not delays:
+        refuse_delays(system.delays)
+    linear = system.linear.prompt
     n = linear.size
     masses = np.diag(linear.mass)
     if np.any(masses <= 0.0):

@@ -24,6 +24,7 @@ from seatdyn.analysis.linear import (
     Linearise,
     Variable,
     as_linear_model,
+    dynamic_stiffness,
     labelled,
     quadratic_eigenvalues,
 )
@@ -36,7 +37,7 @@ from seatdyn.units import number
 if TYPE_CHECKING:
     import xarray as xr
 
-ForceRow = tuple[str, Array, Array]  # name, N per m and N per m/s of every node, driven node last
+ForceRow = tuple[str, Array, Array, float]  # name, N per m, per m/s of nodes (drive last), delay
 
 
 def frequency_response(
@@ -76,7 +77,7 @@ def frequency_response(
     >>> round(abs(r.apparent_mass.item()), 3)  # not the sum of the masses: the body is active
     61.663
     """
-    model = as_linear_model(system, linearise)
+    model = as_linear_model(system, linearise, delays=True)
     f = checked_frequencies(frequency)
     s: ComplexArray = np.asarray(2j * np.pi * f, dtype=complex)
     motion = _relative_motion(model, s, f)
@@ -106,11 +107,12 @@ def frequency_response(
         rows = _force_rows(system, model, linearise)
         # springs and dampers do not feel the common motion, feedback forces may
         forces = [
-            (k @ motion + s * (c @ motion) + k.sum() + s * c.sum()) / s**2 for _, k, c in rows
+            np.exp(-s * delay) * (k @ motion + s * (c @ motion) + k.sum() + s * c.sum()) / s**2
+            for _, k, c, delay in rows
         ]
         table = np.array(forces, dtype=complex).reshape(len(rows), f.size)
         variables["element_force"] = (("element", *along), table, "N s2/m", "element force")
-        coords["element"] = _unique([name for name, _, _ in rows])
+        coords["element"] = _unique([name for name, *_ in rows])
     if isinstance(system, SeatSystem):
         body = linear_model(system.body)
         seat = model.index(SEAT)
@@ -218,11 +220,15 @@ def checked_frequencies(frequency: ArrayLike) -> Array:
 
 def _relative_motion(model: LinearModel, s: ComplexArray, frequency: Array) -> ComplexArray:
     """Motions relative to the driven node per unit motion of it, itself (0) last, (N+1, F)."""
-    z = s[:, None, None]
-    dynamic = model.stiffness + z * model.damping + z**2 * model.mass
+    dynamic = dynamic_stiffness(model, s)
+    z = s[:, None]
     k = model.active_stiffness.sum(axis=1)[:-1]
     c = model.active_damping.sum(axis=1)[:-1]
-    force = -(k + s[:, None] * c + s[:, None] ** 2 * model.mass.sum(axis=1))
+    force = -(k + z * c + z**2 * model.mass.sum(axis=1))
+    for group in model.delayed:
+        if group.active:
+            k, c = group.stiffness.sum(axis=1)[:-1], group.damping.sum(axis=1)[:-1]
+            force = force - np.exp(-z * group.delay) * (k + z * c)
     try:
         free = np.linalg.solve(dynamic, force[..., None])[..., 0]
     except np.linalg.LinAlgError:
@@ -248,6 +254,9 @@ def _force_on_body(
     """
     passive = body.passive_stiffness[-1] @ relative + s * (body.passive_damping[-1] @ relative)
     active = body.active_stiffness[-1] @ absolute + s * (body.active_damping[-1] @ absolute)
+    for group in body.delayed:
+        late = group.stiffness[-1] @ absolute + s * (group.damping[-1] @ absolute)
+        active = active + np.exp(-s * group.delay) * late
     return np.asarray(passive + active)
 
 
@@ -274,13 +283,13 @@ def _force_rows(
     for link in body.links:
         pull = row({link.between[0]: -1.0, link.between[1]: 1.0})
         name = f"{link.between[0]}-{link.between[1]} link"
-        rows.append((name, link.stiffness * pull, link.damping * pull))
+        rows.append((name, link.stiffness * pull, link.damping * pull, 0.0))
     for force in body.feedback:
         k, c = np.zeros(len(place)), np.zeros(len(place))
         for term in force.terms:
             target = k if term.of == "displacement" else c
             target -= term.gain * row(dict(term.weights))
-        rows.append((f"{force.on}-{force.reaction} feedback", k, c))
+        rows.append((f"{force.on}-{force.reaction} feedback", k, c, force.delay))
     for element in elements:
         if isinstance(element, LinearElement):
             stiffness, damping = element.linear
@@ -289,7 +298,7 @@ def _force_rows(
         else:
             continue
         pull = row({element.between[0]: -1.0, element.between[1]: 1.0})
-        rows.append((element.name, stiffness * pull, damping * pull))
+        rows.append((element.name, stiffness * pull, damping * pull, element.delay))
     return rows
 
 

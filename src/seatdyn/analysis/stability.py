@@ -29,6 +29,7 @@ from seatdyn.analysis.linear import (
     labelled,
     on_left,
     pole_at_zero,
+    poles,
 )
 from seatdyn.errors import RequestError
 from seatdyn.model.system import LinearModel
@@ -36,7 +37,7 @@ from seatdyn.model.system import LinearModel
 if TYPE_CHECKING:
     import xarray as xr
 
-Method = Literal["hurwitz", "poles"]
+Method = Literal["hurwitz", "poles", "crossings"]
 Progress = Callable[[float], None]
 FEWEST_PARAMETERS = 2
 MOST_POINTS = {"hurwitz": 20_000_000, "poles": 2_000_000}  # of a map; seconds to a minute
@@ -53,6 +54,7 @@ def is_stable(
     system, linearise : as in `poles`
     method : "poles" (eigenvalues) or "hurwitz" (characteristic polynomial, Routh's array). The
         second loses accuracy from about ten masses on, as every polynomial of that degree does.
+        With delayed forces "poles" only.
 
     Raises
     ------
@@ -65,12 +67,14 @@ def is_stable(
     >>> sd.is_stable(sd.load_body("ksiazek1997_back_on"), method="hurwitz")
     True
     """
-    model = as_linear_model(system, linearise)
+    model = as_linear_model(system, linearise, delays=method == "poles")
     hurwitz = _checked(method) == "hurwitz"
     if model.size == 0:
         return True  # an inert load on a driven seat has no pole
     if hurwitz:
         return bool(_hurwitz_at(model, {})[0])
+    if model.delayed:
+        return bool(poles(model).attrs["stable"])
     real, radius = _rightmost(model, {}, slice(0, 1))
     return bool(on_left(real, radius)[0])
 
@@ -78,7 +82,7 @@ def is_stable(
 def stability_map(
     system: Linearisable,
     *,
-    method: Method = "hurwitz",
+    method: Method | None = None,
     linearise: Linearise = None,
     progress: Progress | None = None,
     **parameters: ArrayLike,
@@ -88,11 +92,13 @@ def stability_map(
     Parameters
     ----------
     system, linearise : as in `poles`
-    method : "hurwitz" (fast) or "poles" (gives the largest real part as well)
+    method : "hurwitz" (fast) or "poles" (gives the largest real part as well); with a delayed
+        force "crossings" (fast) or "poles". None takes the fast one
     progress : called with the fraction done
     **parameters : name -> values, in any order: `seat_mass` (1e-6 .. 1e6 kg), `damping` (0 ..
         1e9 N s/m) and `stiffness` (0 .. 1e12 N/m) of the suspension as a whole, and the feedback
-        gains of the body by name (`k11` ..., within +-1e12)
+        gains of the body by name (`k11` ..., within +-1e12); `delay` (0 .. 10 s) of what is delayed
+        in the system, or of its suspension if nothing is
 
     Returns
     -------
@@ -104,8 +110,8 @@ def stability_map(
     ------
     RequestError
         Fewer than two or more than three parameters, an unknown one (with a suggestion), a value
-        out of its range, more than 2e7 points ("poles": 2e6), or with "poles" a pole so fast that
-        its rounding hides the verdict.
+        out of its range, more than 2e7 points ("poles": 2e6, with delays 2e4), several delayed
+        forces, or with "poles" a pole so fast that its rounding hides the verdict.
 
     Notes
     -----
@@ -120,7 +126,11 @@ def stability_map(
     >>> sd.stability_map(system, seat_mass=[25.0, 35.0], damping=[520.0]).stable.values.tolist()
     [[False], [True]]
     """
-    _checked(method)
+    if "delay" in parameters or as_linear_model(system, linearise, delays=True).delayed:
+        from seatdyn.analysis.delay_map import delayed_map
+
+        return delayed_map(system, parameters, method, linearise, progress)
+    method = _checked(method or "hurwitz")
     model = as_linear_model(system, linearise)
     if not FEWEST_PARAMETERS <= len(parameters) <= MAXIMUM_PARAMETERS:
         raise RequestError(
@@ -211,7 +221,7 @@ def stability_points(
     return labelled(variables, {}, model, request)
 
 
-def _checked(method: str) -> str:
+def _checked(method: Method) -> Method:
     if method not in ("hurwitz", "poles"):
         raise RequestError(f"method = {method!r} is not allowed; use 'hurwitz' or 'poles'.")
     return method
@@ -277,10 +287,10 @@ def _rightmost(
     """Largest real part and largest modulus of the poles at some points, (P,) each."""
     values = {name: column[part] for name, column in columns.items()}
     mass, damping, stiffness = substituted(model, values)
-    poles = np.atleast_2d(np.linalg.eigvals(companion(mass, damping, stiffness)))
-    real = poles.real.max(axis=-1)
-    real = np.where(pole_at_zero(poles, stiffness), np.maximum(real, 0.0), real)
-    return real, np.abs(poles).max(axis=-1)
+    found = np.atleast_2d(np.linalg.eigvals(companion(mass, damping, stiffness)))
+    real = found.real.max(axis=-1)
+    real = np.where(pole_at_zero(found, stiffness), np.maximum(real, 0.0), real)
+    return real, np.abs(found).max(axis=-1)
 
 
 def _rightmost_everywhere(

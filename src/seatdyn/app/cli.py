@@ -153,6 +153,7 @@ EXAMPLES: dict[Callable[..., None], str] = {
     linear.frf: "frf --frequency 0.5 20 400 --plot frf.png",
     linear.stability: "stability --seat-mass-range 5 60 200 --damping-range 0 500 200",
     linear.critical: "critical --vary seat-mass --range 1 100",
+    linear.delay_margin: "delay-margin --delayed suspension --json",
     response.steady: "steady --frequency 1.55 --amplitude 0.8857 --quadratic 100",
     response.simulate: "simulate --frequency 2 --rms 0.5 --duration 10 --out run.nc",
     reproduce: "reproduce --out reproduction",

@@ -11,6 +11,7 @@ from seatdyn.app.options import (
     OutputOptions,
     Plot,
     Range,
+    number_option,
     numbers,
     option,
     points,
@@ -134,13 +135,12 @@ def frf(
     grid = points("--frequency", frequency, logarithmic=log)
     data = frequency_response(system, frequency=grid, linearise=linear.mode)
     body = system if alone.body_alone else model.load_body()
-    bands = active_bands(body, frequency_max=float(grid[-1]))
-    band_rows = [
-        {"low": low, "high": high, "cut_off": cut}
-        for low, high, cut in zip(
-            *(bands[key].values.tolist() for key in ("low", "high", "cut_off")), strict=True
-        )
-    ]
+    band_rows = None  # of a body with delayed feedback they are not known
+    if not any(force.delay for force in model.load_body().feedback):
+        bands = active_bands(body, frequency_max=float(grid[-1]))
+        keys = ("low", "high", "cut_off")
+        table = zip(*(bands[key].values.tolist() for key in keys), strict=True)
+        band_rows = [dict(zip(keys, row, strict=True)) for row in table]
     status, ignored = stable_status(system, linear), left_out(data)
     draw(data, plot)
     size = np.abs(data.transmissibility)
@@ -177,7 +177,7 @@ def frf(
             place = int(np.argmax(along))
             peak = along[place]
             write_line(f"largest transmissibility of {node}: {peak:.4g} at {grid[place]:.4g} Hz")
-        for band in band_rows:
+        for band in band_rows or []:
             write_line(
                 f"the body feeds power into the seat: {band['low']:.4g} .. {band['high']:.4g} Hz"
             )
@@ -203,9 +203,18 @@ def stability(
         tuple[str, str, str, str] | None,
         option("--gain-range", "Range of a gain.", panel="Request", metavar="NAME A B N"),
     ] = None,
+    delay_range: Annotated[
+        Range | None, option("--delay-range", "Range, s.", panel="Request", metavar="A B N")
+    ] = None,
     method: Annotated[
-        str, option("--method", "hurwitz or poles.", panel="Request", default=True)
-    ] = "hurwitz",
+        str | None,
+        option(
+            "--method",
+            "hurwitz or poles; with a delay crossings or poles.",
+            panel="Request",
+            default="the first",
+        ),
+    ] = None,
     plot: Plot = None,
 ) -> None:
     """Verdict on a grid of two or three parameters."""
@@ -218,17 +227,18 @@ def stability(
         for name, asked in ranges.items()
         if asked is not None
     }
+    if delay_range is not None:
+        axes["delay"] = points("--delay-range", delay_range)
     if gain_range is not None:
         axes[gain_range[0]] = points(f"--gain-range {gain_range[0]}", gain_range[1:])
     if not 2 <= len(axes) <= 3:
         given = "1 range was" if len(axes) == 1 else f"{len(axes)} ranges were"
         raise RequestError(
             f"{given} given; a map needs two or three of --seat-mass-range, --damping-range, "
-            "--stiffness-range, --gain-range. For one parameter use `seatdyn critical`."
+            "--stiffness-range, --gain-range, --delay-range. For one parameter use `seatdyn "
+            "critical` or `seatdyn delay-margin`."
         )
-    system = model.system()
-    if method not in ("hurwitz", "poles"):
-        raise RequestError(f"--method {method!r} is not allowed; use 'hurwitz' or 'poles'.")
+    system = model.delayable() if delay_range is not None else model.system()
     with progress_bar("stability map") as progress:
         data = stability_map(
             system,
@@ -254,6 +264,52 @@ def stability(
     rows = [(name, axis[0], axis[-1], axis.size) for name, axis in axes.items()]
     write_table("Stability map", ["parameter", "from", "to", "points"], rows)
     write_line(f"unstable: {100 * share:.4g} % of {stable.size} points")
+
+
+def delay_margin(
+    model: ModelOptions,
+    linear: LinearOptions,
+    out: OutputOptions,
+    maximum: Annotated[
+        float,
+        number_option("--maximum", "Longest delay of the list, s.", panel="Request", default=True),
+    ] = 0.1,
+) -> None:
+    """Delay of the suspension (or of what --delayed names) at which stability is lost."""
+    import math
+
+    from seatdyn.analysis.delay_margin import delay_margin as compute
+
+    of = model.delayed or "suspension"
+    data = compute(model.delayable(), of=of, maximum=maximum, linearise=linear.mode)
+    ignored = left_out(data)
+    margin, frequency = float(data.delay_margin), float(data.frequency)
+    status = Status.OK if data.attrs["stable_without_delay"] else Status.UNSTABLE
+    keys = ("delay", "switch_frequency", "destabilising", "unstable_above", "stable_above")
+    table = list(zip(*(data[key].values.tolist() for key in keys), strict=True))
+    if out.as_json:
+        names = ("delay", "frequency", *keys[2:])
+        write_json(
+            {
+                "status": status,
+                "of": of,
+                "delay_margin": margin,
+                "frequency": frequency,
+                "stable_for_every_delay": math.isinf(margin),
+                "switches": [dict(zip(names, row, strict=True)) for row in table],
+                "ignored": ignored,
+            }
+        )
+    elif status.valid:
+        if math.isinf(margin):
+            write_line(f"stable with every delay of the {of}")
+        else:
+            write_line(
+                f"delay margin of the {of}: {1e3 * margin:.6g} ms, lost at {frequency:.5g} Hz"
+            )
+        heads = ["delay [s]", "frequency [Hz]", "destabilises", "unstable poles", "stable beyond"]
+        write_table(f"Switching delays up to {maximum:g} s", heads, table)
+    finish(status)
 
 
 def critical(

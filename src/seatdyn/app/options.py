@@ -28,6 +28,7 @@ SEAT_MASS, STIFFNESS, DAMPING = 35.0, 9950.0, 260.0  # kg, N/m, N s/m: the paper
 COULOMB_SLOPE = 1000.0  # s/m, formula (5) of the paper
 FREE_TRAVEL = (-0.02, 0.01)  # m, formula (3) of the paper
 MOST_POINTS = 1_000_000  # of one axis
+FEEDBACK = "feedback"  # what may be delayed of a body alone
 
 Range = tuple[str, str, str]  # START STOP N; read by `points`, whose messages name the value
 Number = float | None
@@ -123,11 +124,28 @@ class ModelOptions:
         ),
     ] = None
 
+    delay: Annotated[
+        Number, number_option("--delay", "Reaction delay of what --delayed names, s.")
+    ] = None
+    delayed: Annotated[
+        str | None,
+        option(
+            "--delayed",
+            "suspension, feedback (of the body) or an element, such as Damper.",
+            default="suspension",
+            metavar="WHAT",
+        ),
+    ] = None
+
     def load_body(self) -> SeatedBody:
         """Return the body."""
         from seatdyn.model.body import load_body
 
-        return load_body(self.body)
+        if self.delayed is not None and self.delay is None:
+            raise ModelError("--delayed has no effect without --delay; give both.")
+        body = load_body(self.body)
+        late = self.delay is not None and self.delayed == FEEDBACK
+        return body.delayed(_given(self.delay, 0.0)) if late else body
 
     def system(self) -> SeatSystem:
         """Return body, seat and suspension."""
@@ -151,7 +169,17 @@ class ModelOptions:
         elif self.free_travel is not None:
             raise ModelError("--free-travel has no effect without --end-stop; give both.")
         seat = Seat(_given(self.seat_mass, SEAT_MASS), tuple(suspension))
-        return SeatSystem(self.load_body(), seat)
+        system = SeatSystem(self.load_body(), seat)
+        if self.delay is None or self.delayed == FEEDBACK:
+            return system
+        return system.delayed(self.delay, self.delayed or "suspension")
+
+    def delayable(self) -> SeatSystem:
+        """Return the system for a request over the delay itself, which is then not given."""
+        if self.delay is not None:
+            raise RequestError("--delay fixes the delay, which is asked for here; drop it.")
+        # any delay will do: it tells what is varied
+        return dataclasses.replace(self, delay=1.0).system()
 
     def _end_stop(self, gamma: float) -> Element:
         from seatdyn.model.elements import PiecewiseSpring
@@ -169,8 +197,9 @@ class ModelOptions:
 
     def only_body(self) -> SeatedBody:
         """Return the body alone; options of the seat are refused rather than ignored."""
+        of_body = ("body", "delay", "delayed") if self.delayed == FEEDBACK else ("body",)
         for field in dataclasses.fields(self):
-            if field.name != "body" and getattr(self, field.name) is not None:
+            if field.name not in of_body and getattr(self, field.name) is not None:
                 raise RequestError(
                     f"--{field.name.replace('_', '-')} describes the seat, which --body-alone "
                     "leaves out; drop one of them."

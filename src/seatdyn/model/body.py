@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 from seatdyn.errors import ModelError
 from seatdyn.units import (
     DAMPING,
+    DELAY,
     FREQUENCY,
     MASS,
     STIFFNESS,
@@ -96,17 +97,22 @@ class FeedbackTerm:
 
 @dataclass(frozen=True)
 class FeedbackForce:
-    """Active force F_A = -sum(gain * weighted motion), +F_A on `on`, -F_A on `reaction`."""
+    """Active force F_A = -sum(gain * weighted motion), +F_A on `on`, -F_A on `reaction`.
+
+    With a `delay` in s (0 .. 10) it acts at t with its value of t - delay.
+    """
 
     on: str
     reaction: str
     terms: tuple[FeedbackTerm, ...]
+    delay: float = quantity("s", default=0.0, **DELAY)
 
     def __post_init__(self) -> None:
         """Check the node pair and freeze the terms."""
         node_pair((self.on, self.reaction), "FeedbackForce.on, reaction")
         terms = list_of(FeedbackTerm, self.terms, "FeedbackForce.terms")
         object.__setattr__(self, "terms", terms)
+        validated(self)
 
 
 @dataclass(frozen=True)
@@ -252,6 +258,16 @@ class SeatedBody:
     def is_active(self) -> bool:
         """Whether the body has feedback forces."""
         return bool(self.feedback)
+
+    def delayed(self, delay: float) -> SeatedBody:
+        """The same body with all its feedback forces `delay` seconds (0 .. 10) late."""
+        if not self.feedback:
+            raise ModelError(
+                f"SeatedBody({self.name!r}) has no feedback force that could be delayed; choose an "
+                "active body, or delay the suspension with Seat(delay=...)."
+            )
+        late = tuple(replace(force, delay=delay) for force in self.feedback)
+        return replace(self, feedback=late)
 
     def scaled(self, *, sitting_mass: float) -> SeatedBody:
         """The same body at another sitting mass: all masses, links and gains times one factor.
@@ -424,6 +440,7 @@ def body_from_dict(data: Mapping[str, Any]) -> SeatedBody:
             on=force["on"],
             reaction=force["reaction"],
             terms=tuple(FeedbackTerm(**term) for term in force["terms"]),
+            delay=force.get("delay", 0.0),
         )
         for force in data.get("feedback", [])
     )

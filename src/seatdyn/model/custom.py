@@ -23,7 +23,12 @@ class ForceLaw:
     kinks_at: Where
 
     def __call__(
-        self, *, between: tuple[str, str] = ("base", "seat"), label: str = "", **values: float
+        self,
+        *,
+        between: tuple[str, str] = ("base", "seat"),
+        label: str = "",
+        delay: float = 0.0,
+        **values: float,
     ) -> CustomElement:
         """Make an element with these parameter values."""
         name = label or self.function.__name__
@@ -35,7 +40,7 @@ class ForceLaw:
         if missing:
             raise ModelError(f"{name} needs the parameters {missing}.")
         ordered = tuple(number(values[k], f"{name}.{k}", unit) for k, unit in self.units.items())
-        return CustomElement(law=self, values=ordered, between=between, label=name)
+        return CustomElement(law=self, values=ordered, between=between, label=name, delay=delay)
 
 
 @dataclass(frozen=True)

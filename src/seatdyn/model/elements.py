@@ -21,6 +21,7 @@ from seatdyn.kernels import laws
 from seatdyn.model.body import node_pair
 from seatdyn.units import (
     DAMPING,
+    DELAY,
     FORCE,
     LENGTH,
     STIFFNESS,
@@ -59,10 +60,14 @@ class Law:
 
 @dataclass(frozen=True)
 class Element:
-    """Base of all elements."""
+    """Base of all elements.
+
+    Its force may act `delay` seconds (0 .. 10) late: at t with its value of t - delay.
+    """
 
     between: tuple[str, str] = field(default=("base", "seat"), kw_only=True)
     label: str = field(default="", kw_only=True)
+    delay: float = field(default=0.0, kw_only=True, metadata=quantity("s", **DELAY).metadata)
 
     def __post_init__(self) -> None:
         """Check nodes and every quantity."""

@@ -45,6 +45,11 @@ class Levered(NonlinearElement):
                 f"{self.name}.element = {self.element!r} is not allowed; it must be an element "
                 "without states of its own, such as Spring(20000.0)."
             )
+        if self.element.delay:
+            raise ModelError(
+                f"{self.name}.element has a delay of {self.element.delay:g} s; what is behind a "
+                "lever acts at once. Give the delay to the lever."
+            )
 
     @abstractmethod
     def _path(self) -> tuple[Path, tuple[float, ...]]:

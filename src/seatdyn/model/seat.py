@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from seatdyn.errors import ModelError
 from seatdyn.model.elements import Element
-from seatdyn.units import MASS, quantity, validated
+from seatdyn.units import DELAY, MASS, quantity, validated
 
 
 @dataclass(frozen=True)
@@ -18,11 +18,13 @@ class Seat:
     mass : mass that moves with the seat frame, kg, 1e-6 .. 1e6
     suspension : elements; each acts between base and seat unless its `between` says otherwise,
         and elements across the same two nodes add up
+    delay : reaction delay of the whole suspension, s, 0 .. 10; it adds to delays of its elements
     name, title, source : texts for people; `source` says where the numbers come from
     """
 
     mass: float = quantity("kg", **MASS)
     suspension: tuple[Element, ...] = ()
+    delay: float = quantity("s", default=0.0, **DELAY)
     name: str = field(default="", kw_only=True)
     title: str = field(default="", kw_only=True)
     source: str = field(default="", kw_only=True)

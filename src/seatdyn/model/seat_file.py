@@ -12,8 +12,8 @@
     height = "250 mm"
     element = { type = "Damper", coefficient = 900.0 } # what is behind the lever
 
-A number is in the SI unit that the element's docstring names; a text carries its unit. `between`
-and `label` may be given for every element.
+A number is in the SI unit that the element's docstring names; a text carries its unit. `between`,
+`label` and `delay` may be given for every element.
 """
 
 from __future__ import annotations

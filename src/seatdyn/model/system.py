@@ -5,11 +5,14 @@
 with z the absolute displacements of the free nodes, u that of the driven node ("base" under a
 seat, "seat" under a body alone), and d_j = b_j z (minus u, where the channel starts at the base).
 A channel is one pair of nodes across which non-linear elements act.
+
+A force with a delay tau acts at t with its value of t - tau. Delayed linear forces are kept apart
+from M, C, K, one `DelayedForces` for each delay; a delayed non-linear force has its own channel.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -28,24 +31,42 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RankOne:
-    """How a parameter enters the pencil M s^2 + C s + K: value * s^order * left right^T."""
+    """How a parameter enters the pencil: value * s^order * exp(-s delay) * left right^T."""
 
     order: int
     left: Array
     right: Array
     value: float
     unit: str
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class DelayedForces:
+    """Linear forces with one delay in s: (stiffness + s damping) exp(-s delay), (N+1, N+1).
+
+    `active` ones are feedback forces, which may feel the common motion of all nodes.
+    """
+
+    delay: float
+    active: bool
+    stiffness: Array
+    damping: Array
 
 
 @dataclass(frozen=True)
 class LinearModel:
     """The linear part as arrays; N free nodes, the driven node last in the extended matrices.
 
+    The matrices hold what acts at once. Where forces are delayed, the four properties below refuse:
+    they are not the system. Who adds `delayed` himself takes them from `prompt`.
+
     mass, damping, stiffness : (N, N), kg, N s/m, N/m; not symmetric where the body is active
     drive_stiffness, drive_damping : (N,), forces per displacement and velocity of the driven node
     passive_stiffness, passive_damping : (N+1, N+1), springs and dampers only, symmetric
     active_stiffness, active_damping : (N+1, N+1), feedback forces only
     parameters : named parameters that enter by a rank-one term
+    delayed : forces that act late
     """
 
     nodes: tuple[str, ...]
@@ -57,6 +78,7 @@ class LinearModel:
     active_damping: Array
     parameters: dict[str, RankOne] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
+    delayed: tuple[DelayedForces, ...] = ()
 
     @property
     def size(self) -> int:
@@ -64,26 +86,40 @@ class LinearModel:
         return len(self.nodes)
 
     @cached_property
+    def prompt(self) -> LinearModel:
+        """The same without its delayed forces."""
+        return replace(self, delayed=())
+
+    def refuse_delays(self) -> None:
+        """Raise a RequestError where forces are delayed: for who has no place for them."""
+        if self.delayed:
+            refuse_delays(tuple(sorted({group.delay for group in self.delayed})))
+
+    @cached_property
     def stiffness(self) -> Array:
         """K, (N, N), N/m."""
+        self.refuse_delays()
         n = self.size
         return (self.passive_stiffness + self.active_stiffness)[:n, :n]
 
     @cached_property
     def damping(self) -> Array:
         """C, (N, N), N s/m."""
+        self.refuse_delays()
         n = self.size
         return (self.passive_damping + self.active_damping)[:n, :n]
 
     @cached_property
     def drive_stiffness(self) -> Array:
         """Force on the free nodes per displacement of the driven node, (N,), N/m."""
+        self.refuse_delays()
         n = self.size
         return -(self.passive_stiffness + self.active_stiffness)[:n, n]
 
     @cached_property
     def drive_damping(self) -> Array:
         """Force on the free nodes per velocity of the driven node, (N,), N s/m."""
+        self.refuse_delays()
         n = self.size
         return -(self.passive_damping + self.active_damping)[:n, n]
 
@@ -96,10 +132,14 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class Channel:
-    """A pair of nodes (d = second - first) and the non-linear elements across it."""
+    """A pair of nodes (d = second - first) and the non-linear elements across it.
+
+    All of them act with the same `delay` in s.
+    """
 
     between: tuple[str, str]
     elements: tuple[NonlinearElement, ...]
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -145,10 +185,54 @@ class SeatSystem:
         """Free nodes: the seat, then the masses of the body."""
         return (SEAT, *self.body.nodes)
 
-    @property
+    @cached_property
     def all_elements(self) -> tuple[Element, ...]:
-        """Suspension elements, then further elements."""
-        return self.seat.suspension + self.elements
+        """Suspension elements, then further elements, each with its whole delay."""
+        late = self.seat.delay
+        suspension = tuple(
+            replace(element, delay=element.delay + late) if late else element
+            for element in self.seat.suspension
+        )
+        return suspension + self.elements
+
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """The different delays in s > 0 of its forces, sorted."""
+        delays = {element.delay for element in self.all_elements}
+        delays |= {force.delay for force in self.body.feedback}
+        return tuple(sorted(delays - {0.0}))
+
+    def delayed(self, delay: float, of: str = "suspension") -> SeatSystem:
+        """The same system with a reaction delay.
+
+        Parameters
+        ----------
+        delay : s, 0 .. 10
+        of : "suspension" (all its elements), "feedback" (the forces of an active body), or the name
+            of an element
+
+        Examples
+        --------
+        >>> import seatdyn as sd
+        >>> seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(260.0)])
+        >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
+        >>> system.delayed(0.02, of="Damper").delays
+        (0.02,)
+        """
+        if of == "suspension":
+            return replace(self, seat=replace(self.seat, delay=delay))
+        if of == "feedback":
+            return replace(self, body=self.body.delayed(delay))
+        names = [element.name for element in self.all_elements]
+        if of not in names:
+            hint = suggestion(of, ["suspension", "feedback", *names])
+            raise RequestError(f"Nothing here is called {of!r} that could be delayed. {hint}")
+
+        def late(elements: tuple[Element, ...]) -> tuple[Element, ...]:
+            return tuple(replace(e, delay=delay) if e.name == of else e for e in elements)
+
+        seat = replace(self.seat, suspension=late(self.seat.suspension))
+        return replace(self, seat=seat, elements=late(self.elements))
 
     @property
     def nonlinear_elements(self) -> tuple[NonlinearElement, ...]:
@@ -157,12 +241,11 @@ class SeatSystem:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """Non-linear elements gathered by the pair of nodes that they act across."""
-        pairs = dict.fromkeys(element.between for element in self.nonlinear_elements)
-        return tuple(
-            Channel(pair, tuple(e for e in self.nonlinear_elements if e.between == pair))
-            for pair in pairs
-        )
+        """Non-linear elements gathered by the pair of nodes that they act across, and by delay."""
+        places: dict[tuple[tuple[str, str], float], list[NonlinearElement]] = {}
+        for element in self.nonlinear_elements:
+            places.setdefault((element.between, element.delay), []).append(element)
+        return tuple(Channel(pair, tuple(e), delay) for (pair, delay), e in places.items())
 
     @cached_property
     def linear(self) -> LinearModel:
@@ -200,11 +283,21 @@ def linear_model(
     active_stiffness, active_damping = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     parameters: dict[str, RankOne] = {}
     ignored: list[str] = []
+    late: dict[tuple[float, bool], DelayedForces] = {}
 
-    def add_pair(between: tuple[str, str], k: float, c: float) -> None:
+    def matrices(delay: float, active: bool) -> tuple[Array, Array]:
+        """Where forces with this delay are summed."""
+        if delay == 0.0:
+            return (active_stiffness, active_damping) if active else (stiffness, damping)
+        blank = DelayedForces(delay, active, *np.zeros((2, n + 1, n + 1)))
+        group = late.setdefault((delay, active), blank)
+        return group.stiffness, group.damping
+
+    def add_pair(between: tuple[str, str], k: float, c: float, delay: float = 0.0) -> None:
         b = incidence(*between)
-        stiffness[...] += k * np.outer(b, b)
-        damping[...] += c * np.outer(b, b)
+        springs, dampers = matrices(delay, False)
+        springs += k * np.outer(b, b)
+        dampers += c * np.outer(b, b)
 
     for link in body.links:
         add_pair(link.between, link.stiffness, link.damping)
@@ -214,27 +307,28 @@ def linear_model(
             right = np.zeros(n + 1)
             for node, weight in term.weights.items():
                 right[order[node]] += weight
-            target = active_stiffness if term.of == "displacement" else active_damping
-            target += term.gain * np.outer(left, right)
             rank = 0 if term.of == "displacement" else 1
+            target = matrices(force.delay, True)[rank]
+            target += term.gain * np.outer(left, right)
             unit = "N/m" if rank == 0 else "N s/m"
-            parameters[term.name] = RankOne(rank, left[:n], right[:n], term.gain, unit)
+            parameters[term.name] = RankOne(rank, left[:n], right[:n], term.gain, unit, force.delay)
 
     if isinstance(system, SeatSystem):
         mass[0, 0] += system.seat.mass
         for element in system.all_elements:
             if isinstance(element, LinearElement):
-                add_pair(element.between, *element.linear)
+                add_pair(element.between, *element.linear, element.delay)
             elif linearise == "tangent" and isinstance(element, NonlinearElement):
-                add_pair(element.between, *element.tangent())
+                add_pair(element.between, *element.tangent(), element.delay)
             else:
                 ignored.append(element.name)
         b = incidence(BASE, SEAT)
         unit = np.eye(n)[0]
-        k, c = suspension_totals(system, linearise)
         parameters["seat_mass"] = RankOne(2, unit, unit, system.seat.mass, "kg")
-        parameters["damping"] = RankOne(1, b[:n], b[:n], c, "N s/m")
-        parameters["stiffness"] = RankOne(0, b[:n], b[:n], k, "N/m")
+        for power, name, dimension in ((1, "damping", "N s/m"), (0, "stiffness", "N/m")):
+            total, delays = suspension_total(system, power, linearise)
+            if len(delays) == 1:  # else it is no single parameter
+                parameters[name] = RankOne(power, b[:n], b[:n], total, dimension, *delays)
 
     return LinearModel(
         nodes=nodes,
@@ -246,22 +340,39 @@ def linear_model(
         active_damping=active_damping,
         parameters=parameters,
         ignored=tuple(ignored),
+        delayed=tuple(late.values()),
     )
 
 
-def suspension_totals(
-    system: SeatSystem, linearise: Literal["tangent"] | None = None
-) -> tuple[float, float]:
-    """Total stiffness N/m and damping N s/m of the linear elements between base and seat."""
-    k = c = 0.0
+def suspension_total(
+    system: SeatSystem, order: int, linearise: Literal["tangent"] | None = None
+) -> tuple[float, set[float]]:
+    """Total stiffness N/m (order 0) or damping N s/m (1) between base and seat, and its delays.
+
+    Where there is none, the delay is that of the seat.
+    """
+    total, delays = 0.0, set()
     for element in system.all_elements:
         if set(element.between) != {BASE, SEAT}:
             continue
         if isinstance(element, LinearElement):
-            dk, dc = element.linear
+            part = element.linear[order]
         elif linearise == "tangent" and isinstance(element, NonlinearElement):
-            dk, dc = element.tangent()
+            part = element.tangent()[order]
         else:
             continue
-        k, c = k + dk, c + dc
-    return k, c
+        if part != 0.0:
+            total += part
+            delays.add(element.delay)
+    return total, delays or {system.seat.delay}
+
+
+def refuse_delays(delays: tuple[float, ...]) -> None:
+    """Raise a RequestError that names the delays, if there are any."""
+    if delays:
+        times = ", ".join(f"{delay:g} s" for delay in delays)
+        raise RequestError(
+            f"This analysis does not take delayed forces into account, and forces of this system "
+            f"act {times} late. Use poles, frequency_response, is_stable, stability_map, "
+            "stability_boundary, delay_margin, simulate or steady_state; or set the delay to 0."
+        )
