@@ -67,7 +67,7 @@ class SeatTestInput(Spectrum):
             *butterworth_poles(n_high, 2 * math.pi * f_high),
             *butterworth_poles(n_low, omega),
         )
-        return Shaping((0.0,) * n_high, poles, math.sqrt(level) * omega**n_low)
+        return Shaping(math.sqrt(level) * omega**n_low, n_high, poles)
 
     def _inside(self, frequency: Array) -> Array:
         level, (n_high, f_high), (n_low, f_low) = self.definition[1:4]
@@ -155,7 +155,7 @@ class Road(Spectrum):
     def shaping(self) -> Shaping:
         """White velocity, differentiated."""
         level = ROAD_CLASSES[self.road_class]
-        return Shaping((0.0,), (), 2 * math.pi * ROAD_REFERENCE * math.sqrt(level * self.speed))
+        return Shaping(2 * math.pi * ROAD_REFERENCE * math.sqrt(level * self.speed), 1, ())
 
     def _inside(self, frequency: Array) -> Array:
         return np.asarray(np.abs(self.shaping.response(frequency)) ** 2)

@@ -112,13 +112,13 @@ class NarrowBand(Spectrum):
     def shaping(self) -> Shaping:  # type: ignore[override]
         """The filter of the class docstring, or a constant, with the gain of the level."""
         if self._flat:
-            return Shaping((), (), self.rms / math.sqrt(self.bandwidth))
+            return Shaping(self.rms / math.sqrt(self.bandwidth), 0, ())
         decay, omega = math.pi * self.bandwidth, 2 * math.pi * self.centre
         turn = np.emath.sqrt(omega**2 - decay**2)
         poles = (complex(-decay + 1j * turn), complex(-decay - 1j * turn))
-        unit = Shaping((0.0,), poles, 1.0)
+        unit = Shaping(1.0, 1, poles)
         raw = integrate(lambda f: np.abs(unit.response(f)) ** 2, self.knots).sum()
-        return Shaping((0.0,), poles, self.rms / math.sqrt(raw))
+        return Shaping(self.rms / math.sqrt(raw), 1, poles)
 
     def _inside(self, frequency: Array) -> Array:
         return np.asarray(np.abs(self.shaping.response(frequency)) ** 2)

@@ -12,25 +12,23 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Shaping:
-    """Filter gain * prod(s - zeros)/prod(s - poles), s in rad/s.
+    """Filter H(s) = gain * s^order / prod(s - poles), s in rad/s.
 
     White noise of the one-sided density 1 per Hz goes in, the acceleration in m/s2 comes out:
     G(f) = |H(i 2 pi f)|^2.
     """
 
-    zeros: tuple[complex, ...]
-    poles: tuple[complex, ...]
     gain: float
+    order: int
+    poles: tuple[complex, ...]
 
     def response(self, frequency: ArrayLike) -> ComplexArray:
         """H(i 2 pi f), same shape as `frequency` in Hz."""
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
-        result = np.full(s.shape, self.gain, dtype=complex)
-        for zero in self.zeros:
-            result *= s - zero
+        result = self.gain * s**self.order
         for pole in self.poles:
-            result /= s - pole
-        return result
+            result = result / (s - pole)
+        return np.asarray(result)
 
 
 def butterworth_poles(count: int, omega: float) -> tuple[complex, ...]:
