@@ -218,12 +218,9 @@ def test_read_record(tmp_path):
         sd.read_record(tmp_path / "nothing.csv", "floor")
     empty = tmp_path / "empty.csv"
     empty.write_text("time,floor\n", encoding="utf-8")
-    with (
-        pytest.warns(UserWarning, match="no data"),
-        pytest.raises(sd.ExcitationError, match="no samples"),
-    ):
+    with pytest.raises(sd.ExcitationError, match="no samples"):
         sd.read_record(empty, "floor")
     broken = tmp_path / "broken.csv"
     broken.write_text("time,floor\n0.0,1.0\n0.1,much\n", encoding="utf-8")
-    with pytest.raises(sd.ExcitationError, match="cannot be read"):
+    with pytest.raises(sd.ExcitationError, match=r"line 3, column 'floor': 'much' is not a number"):
         sd.read_record(broken, "floor")

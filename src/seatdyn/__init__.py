@@ -12,8 +12,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "seatdyn.errors": (
-        "SeatdynError ModelError ExcitationError RequestError OutputError "
-        "SeatdynWarning ExtrapolationWarning DriftWarning Status"
+        "SeatdynError ModelError ExcitationError MeasurementError RequestError OutputError "
+        "SeatdynWarning ExtrapolationWarning DriftWarning MeasurementWarning Status"
     ),
     "seatdyn.model.body": "SeatedBody Link FeedbackForce FeedbackTerm load_body list_bodies",
     "seatdyn.model.elements": (
@@ -49,6 +49,8 @@ _WHERE = {
     "seatdyn.analysis.run": "Settings",
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.steady": "steady_state",
+    "seatdyn.signals.measurement": "Measurement",
+    "seatdyn.signals.files": "read_measurement",
     "seatdyn.standards.weighting": "Weighting weighting",
     "seatdyn.standards.metrics": "Metrics metrics",
     "seatdyn.standards.exposure": "Task daily_exposure",

@@ -17,6 +17,10 @@ class ExcitationError(SeatdynError):
     """A base motion that is not usable: no level, a gap in a record, a drift."""
 
 
+class MeasurementError(SeatdynError):
+    """A measured record that is not usable: a gap, text, a dead channel, clocks that disagree."""
+
+
 class RequestError(SeatdynError):
     """A question that the analysis cannot answer as asked."""
 
@@ -35,6 +39,10 @@ class ExtrapolationWarning(SeatdynWarning):
 
 class DriftWarning(SeatdynWarning):
     """A base motion ends with a velocity or displacement left over."""
+
+
+class MeasurementWarning(SeatdynWarning):
+    """A measured record that looks wrong: clipped, or in another unit than stated."""
 
 
 class Status(StrEnum):

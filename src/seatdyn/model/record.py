@@ -13,18 +13,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatdyn.errors import DriftWarning, ExcitationError
+from seatdyn.errors import DriftWarning, ExcitationError, MeasurementError
 from seatdyn.model.excitation import DEGREES, Array, Excitation, Motion
 from seatdyn.model.integration import end_at_rest, end_of, integrate_samples
-from seatdyn.units import ACCELERATION, RATE, number, suggestion
+from seatdyn.signals.clock import rate_of
+from seatdyn.signals.files import Column, Unit, read_measurement
+from seatdyn.units import ACCELERATION, RATE, number
 
 FEWEST_SAMPLES = 8
 MOST_SAMPLES = 20_000_000
 LOWEST_CUT, HIGHEST_CUT = 1e-6, 0.49  # of the sampling rate
 PADDING = 9  # samples beside a filtered record, as scipy takes them for one section
-UNEVEN = 1e-2  # of the sampling interval: a larger deviation is a gap
-GRAVITY = 9.80665
-UNITS = {"m/s2": 1.0, "g": GRAVITY}
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,16 +142,10 @@ class Record(Excitation):
             raise ExcitationError(
                 f"Record.time must hold one finite instant for each of the {samples.size} samples."
             )
-        steps = np.diff(time)
-        usual = float(np.median(steps))
-        wrong = (np.abs(steps - usual) > UNEVEN * abs(usual)) | (steps <= 0.0)
-        if np.any(wrong):
-            place = int(np.argmax(wrong))
-            raise ExcitationError(
-                f"Record.time has a gap after sample {place} (t = {time[place]:.6g} s): the step "
-                f"is {steps[place]:.4g} s, elsewhere {usual:.4g} s. Resample the record or cut it."
-            )
-        return (time.size - 1) / float(time[-1] - time[0])
+        try:
+            return rate_of(time, "Record.time", lambda i: f"sample {i}")
+        except MeasurementError as error:
+            raise ExcitationError(str(error)) from None
 
     @property
     def _time(self) -> Array:
@@ -195,51 +188,31 @@ class Record(Excitation):
 
 def read_record(
     path: str | Path,
-    column: str,
+    column: Column,
     *,
-    time: str = "time",
-    unit: Literal["m/s2", "g"] = "m/s2",
+    time: Column | None = None,
+    rate: float | None = None,
+    unit: Unit | None = None,
     mean: Literal["remove", "keep"] = "remove",
     drift: Literal["compensate", "keep"] = "compensate",
     high_pass: float | None = None,
 ) -> Record:
-    """Read a base acceleration from a CSV file with a header line.
+    """Read a base acceleration from a measurement file.
 
     Parameters
     ----------
-    path : CSV file, comma separated
-    column : header of the acceleration
-    time : header of the instants in s
-    unit : of the acceleration
+    path, time, rate, unit : as in `read_measurement`
+    column : name of the acceleration, or its number from 1
     mean, drift, high_pass : see `Record`
 
     Raises
     ------
     ExcitationError
-        Missing, empty or unreadable file, unknown column (with a suggestion), text in a number.
+        Whatever makes the file unusable, with the line; see `read_measurement`.
     """
-    file = Path(path)
-    if unit not in UNITS:
-        raise ExcitationError(f"unit = {unit!r} is not allowed; it must be one of {list(UNITS)}.")
-    if not file.is_file():
-        raise ExcitationError(f"Record file {str(path)!r} does not exist.")
-    with file.open(encoding="utf-8", errors="replace") as lines:
-        names = [name.strip() for name in lines.readline().split(",")]
-        for name in (time, column):
-            if name not in names:
-                hint = suggestion(name, [n for n in names if n] or ["(no header)"])
-                raise ExcitationError(f"Record file {str(path)!r} has no column {name!r}. {hint}")
-        try:
-            wanted = [names.index(time), names.index(column)]
-            data = np.loadtxt(lines, delimiter=",", usecols=wanted, ndmin=2)
-        except ValueError as error:
-            raise ExcitationError(f"Record file {str(path)!r} cannot be read: {error}.") from None
-    if data.shape[0] == 0:
-        raise ExcitationError(f"Record file {str(path)!r} has a header and no samples.")
-    return Record(
-        data[:, 1] * UNITS[unit],
-        time=data[:, 0],
-        mean=mean,
-        drift=drift,
-        high_pass=high_pass,
-    )
+    try:
+        measured = read_measurement(path, [column], time=time, rate=rate, unit=unit)
+    except MeasurementError as error:
+        raise ExcitationError(str(error)) from None
+    (samples,) = measured.channels.values()
+    return Record(samples, measured.rate, mean=mean, drift=drift, high_pass=high_pass)
