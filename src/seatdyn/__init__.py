@@ -51,6 +51,7 @@ _WHERE = {
     "seatdyn.analysis.steady": "steady_state",
     "seatdyn.signals.measurement": "Measurement",
     "seatdyn.signals.files": "read_measurement",
+    "seatdyn.analysis.random": "random_response rms_ratio",
     "seatdyn.standards.weighting": "Weighting weighting",
     "seatdyn.standards.metrics": "Metrics metrics",
     "seatdyn.standards.exposure": "Task daily_exposure",

@@ -105,10 +105,9 @@ def named_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
 
 
 def output_unit(name: str) -> str:
-    """Unit of an output of `named_outputs`."""
-    if name.startswith("acc_"):
-        return "m/s2"
-    return "N" if name.startswith("F_") else "m"
+    """Unit of an output, from the beginning of its name."""
+    units = {"acc_": "m/s2", "vel_": "m/s", "F_": "N"}
+    return next((unit for start, unit in units.items() if name.startswith(start)), "m")
 
 
 def body_force(system: SeatSystem, samples: Samples) -> Array:

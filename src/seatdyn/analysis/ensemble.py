@@ -1,0 +1,179 @@
+"""Ensembles: many realisations of a random base motion through the same system, in blocks.
+
+A block is a fixed set of members (16 to a block), so that a result depends on the seed only: not
+on the number of threads, nor on where a run was interrupted and taken up again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.march import make_march
+from seatdyn.errors import RequestError
+from seatdyn.kernels.ensemble import March, march_block
+from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.lanes import LANES
+from seatdyn.model.system import SeatSystem
+from seatdyn.signals.synthesis import Synthesis
+
+Array = NDArray[np.float64]
+FORGETTING = 7.0  # time constants of the slowest pole until the start is forgotten (1e-3)
+LONGEST_SETTLE = 120.0  # s
+LONGEST_STEP = 0.01  # s; also the widest spacing of the instants that are gathered
+SHORTEST_STEP = 2e-5  # s
+TRIAL = 30.0  # s of the first block, on which the step is chosen
+MOST_SERIES = 4e9  # bytes
+
+
+class Block(NamedTuple):
+    """What a block of members gives."""
+
+    moments: Array  # (s, 5, L): means of x, x^2, x^4; lowest; highest
+    series: Array  # (L, q, steps)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """A system and a family of base motions, ready to run.
+
+    synthesis : the grid of the base motion, `settle` included
+    settle : intervals of the grid that are passed over
+    seed : of all members
+    steps : in every interval of the grid
+    every : steps from one instant that is gathered to the next
+    drift : m/s added to the velocity of the base, which starts at rest then; the base of the
+        paper's random runs moves like this
+    """
+
+    system: SeatSystem
+    synthesis: Synthesis
+    settle: int
+    seed: int
+    names: tuple[str, ...]
+    march: March
+    steps: int
+    every: int
+    drift: float | None = None
+
+    @classmethod
+    def make(
+        cls,
+        system: SeatSystem,
+        synthesis: Synthesis,
+        settle: int,
+        seed: int,
+        steps: int,
+        drift: float | None = None,
+    ) -> Ensemble:
+        """Work the propagators out."""
+        names, march = make_march(system, synthesis.step, steps)
+        coarsest = math.ceil(synthesis.step / LONGEST_STEP)
+        every = max(k for k in range(1, steps + 1) if steps % k == 0 and steps >= k * coarsest)
+        return cls(system, synthesis, settle, seed, names, march, steps, every, drift)
+
+    @property
+    def spacing(self) -> float:
+        """Time in s between the instants that are gathered."""
+        return self.synthesis.step * self.every / self.steps
+
+    def base(self, block: int) -> tuple[Array, Array, Array]:
+        """Displacement, velocity and acceleration of the base, (L, nodes)."""
+        x, v, a = (np.empty((LANES, self.synthesis.nodes)) for _ in range(3))
+        self.synthesis.fill(self.seed, x.T, v.T, a.T, first=block * LANES)
+        if self.drift is not None:
+            v += self.drift
+            x += self.drift * self.synthesis.step * np.arange(self.synthesis.nodes)
+        return x, v, a
+
+    def run(
+        self, block: int, wanted: Sequence[str] = (), nodes: int | None = None, settle: int = -1
+    ) -> Block:
+        """Run one block, or only its first `nodes`."""
+        x, v, a = self.base(block)
+        if nodes is not None:
+            x, v, a = (np.ascontiguousarray(motion[:, :nodes]) for motion in (x, v, a))
+        settle = self.settle if settle < 0 else settle
+        n = self.march.state.shape[0] // 2
+        y = np.zeros((2 * n, LANES))  # at rest relative to the base
+        if self.drift is not None:  # at rest
+            y[:n], y[n:] = -x[:, 0], -v[:, 0]
+        count = (x.shape[1] - 1 - settle) * self.steps // self.every
+        columns = np.array([self.names.index(name) for name in wanted], dtype=np.int64)
+        if LANES * columns.size * count * 8 > MOST_SERIES:
+            raise RequestError(
+                f"series of {columns.size} outputs over {count} steps need more than "
+                f"{MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
+            )
+        series = np.empty((LANES, columns.size, count))
+        with CompileNotice():
+            _, statistics = march_block(self.march, x, v, a, settle, self.every, y, columns, series)
+        statistics[:, :3] /= count
+        return Block(statistics, series)
+
+    def blocks(
+        self, numbers: Iterator[int], workers: int, wanted: Sequence[str] = ()
+    ) -> Iterator[tuple[int, Block]]:
+        """Run blocks on `workers` threads, in order, no more than `workers` ahead."""
+        with ThreadPoolExecutor(workers) as pool:
+            waiting: list[tuple[int, Future[Block]]] = []
+            try:
+                for number in numbers:
+                    waiting.append((number, pool.submit(self.run, number, wanted)))
+                    if len(waiting) >= workers + 1:
+                        first, future = waiting.pop(0)
+                        yield first, future.result()
+                for first, future in waiting:
+                    yield first, future.result()
+            finally:
+                for _, future in waiting:
+                    future.cancel()
+
+
+def settling_time(poles: NDArray[np.complex128]) -> float:
+    """Time in s after which a start is forgotten, from the poles of the linear part (1/s)."""
+    slowest = float(-np.max(np.real(poles), initial=-np.inf))
+    if slowest <= FORGETTING / LONGEST_SETTLE:
+        return LONGEST_SETTLE
+    return FORGETTING / slowest
+
+
+def choose_steps(
+    system: SeatSystem,
+    synthesis: Synthesis,
+    seed: int,
+    tolerance: float,
+    drift: float | None = None,
+) -> tuple[int, float]:
+    """Steps per interval of the grid, and the error that they make of r.m.s. values.
+
+    The error is the relative change of any output's r.m.s. over the first block when every step
+    is halved, on its first seconds; steps are halved until it is below `tolerance` or the step is
+    the shortest allowed.
+    """
+    steps = max(1, math.ceil(synthesis.step / LONGEST_STEP))
+    nodes = min(synthesis.nodes, max(2, math.ceil(TRIAL / synthesis.step)) + 1)
+
+    def levels(count: int) -> Array:
+        ensemble = Ensemble.make(system, synthesis, 0, seed, count, drift)
+        mean_squares = ensemble.run(0, nodes=nodes, settle=nodes // 3).moments[:, 1]
+        return np.sqrt(mean_squares)
+
+    if not system.channels:
+        return steps, 0.0
+    coarse = levels(steps)
+    while True:
+        fine = levels(2 * steps)
+        size = np.where(fine > 0.0, fine, 1.0)
+        error = float(np.max(np.sqrt(np.mean(((coarse - fine) / size) ** 2, axis=1))))
+        if not np.isfinite(error) or error <= tolerance:
+            return steps, error
+        if synthesis.step / (2 * steps) < SHORTEST_STEP:
+            return steps, error
+        steps, coarse = 2 * steps, fine
