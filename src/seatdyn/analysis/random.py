@@ -17,7 +17,7 @@ import seatdyn
 from seatdyn.analysis.checkpoint import Checkpoint
 from seatdyn.analysis.ensemble import Ensemble, choose_steps, settling_time
 from seatdyn.analysis.linear import poles
-from seatdyn.analysis.outputs import output_unit
+from seatdyn.analysis.random_linear import NOTE, output_coords
 from seatdyn.analysis.transient import check_request
 from seatdyn.errors import RequestError, Status
 from seatdyn.kernels.lanes import LANES
@@ -320,7 +320,7 @@ def _dataset(request: _Request, ensemble: Ensemble, members: Array, status: Stat
 
     names = list(ensemble.names)
     rms, low, high = rms_intervals(members[:, :, 1], request.confidence)
-    note = {"units": "see the coordinate unit"}
+    note = {"units": NOTE}
     per_output: dict[str, Any] = {
         "rms": rms,
         "rms_low": low,
@@ -333,7 +333,7 @@ def _dataset(request: _Request, ensemble: Ensemble, members: Array, status: Stat
     return xr.Dataset(
         {name: (("output",), values, note) for name, values in per_output.items()}
         | {name: (("realisation", "output"), v, note) for name, v in per_member.items()},
-        coords={"output": names, "unit": ("output", [output_unit(name) for name in names])},
+        coords=output_coords(names),
         attrs={
             "status": str(status),
             "message": status.message,
