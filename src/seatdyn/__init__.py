@@ -56,6 +56,8 @@ _WHERE = {
     "seatdyn.standards.metrics": "Metrics metrics",
     "seatdyn.standards.exposure": "Task daily_exposure",
     "seatdyn.standards.acceptance": "acceptance_limits",
+    "seatdyn.analysis.assess": "assess",
+    "seatdyn.analysis.compare_bands": "compare_bands",
     "seatdyn.output.figures": "plot",
     "seatdyn.output.files": "save load",
 }
