@@ -281,7 +281,7 @@ DOUBTS = {
     "gravity downwards": (-1.0 + 0.1 * RIDE, "m/s2", "as if it were in g"),
     "gravity of 9.81 in g": (G * (9.81 + RIDE), "g", "as if it were in m/s2, not in g"),
     "25 g": (G * 25.0 * RIDE, "g", "On a seat that is more likely m/s2"),
-    "cannot be felt": (0.005 * RIDE, "m/s2", "less than a person feels"),
+    "small": (0.1 * RIDE, "m/s2", "only 0.079 m/s2. Were the numbers in g, it would be 0.78 m/s2"),
 }
 
 

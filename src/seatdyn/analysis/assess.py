@@ -164,7 +164,9 @@ def assess(
         )
     for message in found:
         warnings.warn(message, MeasurementWarning, stacklevel=2)
-    data = xr.concat([_dataset(part) for part in parts], "axis").assign_coords(axis=list(channels))
+    data = xr.concat([_dataset(part, RATIOS[point]) for part in parts], "axis").assign_coords(
+        axis=list(channels)
+    )
     attrs = {
         "status": Status.OK.value,
         "note": NOTE,
@@ -302,9 +304,8 @@ UNITS = {
     "random_error": "1",
 }
 OTHERS = "m/s2"
+RATIOS = {"seat_surface": "SEAT factor", "seat_frame": "seat frame over floor"}
 LONG_NAMES = {
-    "seat_rms": "SEAT factor (r.m.s.)",
-    "seat_vdv": "SEAT factor (VDV)",
     "a8": "A(8), k included",
     "daily_vdv": "daily VDV, k included",
     "time_to_action": "exposure per day that reaches the action value",
@@ -312,7 +313,7 @@ LONG_NAMES = {
 }
 
 
-def _dataset(part: Mapping[str, Any]) -> xr.Dataset:
+def _dataset(part: Mapping[str, Any], ratio: str) -> xr.Dataset:
     """One axis as a Dataset with units."""
     import xarray as xr
 
@@ -322,6 +323,7 @@ def _dataset(part: Mapping[str, Any]) -> xr.Dataset:
     }
     if "frequency" in part:
         coords["frequency"] = ("frequency", part["frequency"], {"units": "Hz"})
+    texts = LONG_NAMES | {"seat_rms": f"{ratio} (r.m.s.)", "seat_vdv": f"{ratio} (VDV)"}
     data = {}
     for name, value in part.items():
         if name in ("time", "frequency", "reasons", "duration"):
@@ -329,7 +331,7 @@ def _dataset(part: Mapping[str, Any]) -> xr.Dataset:
         dims = () if np.ndim(value) == 0 else ("band",) if "band" in name else ("frequency",)
         if name == "running_rms":
             dims = ("time",)
-        text = LONG_NAMES.get(name, name.replace("_", " "))
+        text = texts.get(name, name.replace("_", " "))
         data[name] = (dims, value, {"units": UNITS.get(name, OTHERS), "long_name": text})
     return xr.Dataset(data, coords)
 

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 import seatdyn
-from seatdyn.app import linear, response
+from seatdyn.app import linear, response, standards
 from seatdyn.app.bodies import bodies
 from seatdyn.app.options import option, spread
 from seatdyn.app.show import Messages, progress_bar, say, write_line, write_table
@@ -156,6 +156,8 @@ EXAMPLES: dict[Callable[..., None], str] = {
     linear.delay_margin: "delay-margin --delayed suspension --json",
     response.steady: "steady --frequency 1.55 --amplitude 0.8857 --quadratic 100",
     response.simulate: "simulate --frequency 2 --rms 0.5 --duration 10 --out run.nc",
+    standards.assess: "assess ride.csv --axis z --column seat --floor-column floor --json",
+    standards.weighting: "weighting Wk 1 4 16",
     reproduce: "reproduce --out reproduction",
 }
 for _command, _example in EXAMPLES.items():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatdyn.errors import OutputError
+from seatdyn.output.assessment import draw_assessment, draw_comparison
 from seatdyn.output.bodies import draw_bodies
 from seatdyn.output.files import require_dataset, writable, write_whole
 
@@ -37,7 +38,7 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     Parameters
     ----------
     dataset : result of `simulate`, `steady_state`, `frequency_response`, `stability_map`, `poles`,
-        `zeros` or `compare_bodies`, computed or loaded
+        `zeros`, `compare_bodies`, `assess` or `compare_bands`, computed or loaded
     path : also write the picture there, ``.png`` (1200 px wide), ``.svg`` or ``.pdf``
     title : over the picture
 
@@ -64,7 +65,11 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     require_dataset(dataset)
     names = set(dataset.variables)
     figure = Figure(figsize=(WIDTH, 7.0), dpi=DPI, layout="constrained")
-    if "apparent_mass_peak" in names:
+    if "weighted_rms" in names:
+        draw_assessment(figure, dataset)
+    elif "band_difference" in names:
+        draw_comparison(figure, dataset)
+    elif "apparent_mass_peak" in names:
         draw_bodies(figure, dataset)
     elif {"harmonics", "time"} <= names:
         _steady(figure, dataset)
@@ -83,7 +88,7 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         raise OutputError(
             f"This Dataset cannot be drawn: {why} (variables {sorted(map(str, names))}). Give a "
             "valid result of simulate, steady_state, frequency_response, stability_map, poles, "
-            "zeros or compare_bodies."
+            "zeros, compare_bodies, assess or compare_bands."
         )
     if title:
         figure.suptitle(title)

@@ -24,7 +24,7 @@ CLIPPED_RUN = 3  # equal samples in a row at the extreme value, which a smooth s
 CLIPPED_RUNS = 2  # such runs
 NEAR_GRAVITY = 0.1  # relative: a mean this close to 1 g is gravity
 LARGEST_ON_A_SEAT = 200.0  # m/s2: about 20 g; nobody sits there
-SMALLEST_FELT = 0.01  # m/s2 r.m.s., about the threshold of perception
+SMALLEST_USUAL = 0.15  # m/s2 r.m.s.: less is rare in vehicles, but usual for numbers in g
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,10 +173,10 @@ def doubts(samples: Array, name: str, unit: str) -> list[str]:
             f"Channel {name!r} reaches {max(-low, high) / GRAVITY:.3g} g. On a seat that is more "
             "likely m/s2; state the unit, or check the calibration."
         )
-    elif unit == "m/s2" and fluctuation < SMALLEST_FELT:
+    elif unit == "m/s2" and fluctuation < SMALLEST_USUAL:
         found.append(
-            f"Channel {name!r} has an r.m.s. of {fluctuation:.2g} m/s2, less than a person feels. "
-            "If it was measured in g, state the unit."
+            f"Channel {name!r} has an r.m.s. of only {fluctuation:.2g} m/s2. Were the numbers in "
+            f"g, it would be {GRAVITY * fluctuation:.2g} m/s2; state the unit if so."
         )
     return found
 
