@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import tomllib
+import warnings
 
 import numpy as np
 import pytest
@@ -110,8 +111,9 @@ def test_computed_figures(name, way):
     assert agrees(f, peak_at, units=1.0)
     assert agrees(size, peak)
     assert agrees(size / body.total_mass, ratio)
-    assert agrees(abs(response(np.array([20.0]))[0]) / body.total_mass, at_20)
-    assert agrees(np.degrees(np.angle(response(np.array([10.0]))[0])), phase)
+    at_10, last = response(np.array([10.0, 20.0]))
+    assert agrees(abs(last) / body.total_mass, at_20)
+    assert agrees(np.degrees(np.angle(at_10)), phase)
     model = linear_model(body)
     squares = np.linalg.eigvals(np.linalg.solve(model.mass, model.stiffness)).real
     found = [f for f in np.sort(np.sqrt(squares)) / (2 * np.pi) if f < 40.0]
@@ -168,7 +170,7 @@ def test_every_file_is_complete_and_honest():
             low, high = body.band
             assert low < largest(at_seat(body))[0] < high
         if body.confidence != "printed":
-            for kind in ("fitted_to", "stiffness_damping"):
+            for kind in ("fitted_to", "links"):
                 assert kind in body.provenance
 
 
@@ -270,6 +272,40 @@ def test_results_carry_the_scaling():
 def test_sitting_masses_outside_the_range_are_refused(mass):
     with pytest.raises(sd.ModelError, match=r"sitting_mass of SeatedBody\('fairley1989'\)"):
         BODIES["fairley1989"].scaled(sitting_mass=mass)
+
+
+# ---------------------------------------------------------------- the band of a model
+
+SEAT = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(600.0)])
+ABOVE = {
+    "body alone": lambda body: sd.frequency_response(body, frequency=[10.5, 30.0]),
+    "on a seat": lambda body: sd.frequency_response(sd.SeatSystem(body, SEAT), frequency=[12.0]),
+    "in time": lambda body: sd.simulate(
+        sd.SeatSystem(body, SEAT), sd.Sine(12.0, rms=0.1), duration=0.1
+    ),
+    "steady": lambda body: sd.steady_state(sd.SeatSystem(body, SEAT), sd.Sine(12.0, rms=0.1)),
+}
+
+
+@pytest.mark.parametrize("way", ABOVE)
+def test_above_its_band_a_body_warns_once_and_by_name(way):
+    with pytest.warns(sd.BandWarning) as caught:
+        ABOVE[way](BODIES["boileau1998"])
+    (warning,) = [w for w in caught if w.category is sd.BandWarning]
+    assert "'boileau1998' was made for 0.5 .. 10 Hz; what is asked" in str(warning.message)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ABOVE[way](BODIES["ksiazek1997_back_off"])  # says no band
+
+
+def test_a_request_that_only_reaches_beyond_the_band_does_not_warn():
+    system = sd.SeatSystem(BODIES["boileau1998"], SEAT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sd.frequency_response(system, frequency=np.geomspace(0.1, 100.0, 20))
+        sd.simulate(system, sd.Sine(9.0, rms=0.1), duration=0.1)
+        sd.simulate(system, sd.Sine(0.2, rms=0.1), duration=0.1)
+        sd.compare_bodies(["boileau1998"], seat=SEAT)
 
 
 # ---------------------------------------------------------------- bad descriptions

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from typer.testing import CliRunner
 import seatdyn as sd
 from conftest import OFF, ON
 from seatdyn.app.cli import app
+from test_docs import same
 
 SEAT = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(600.0)])
 DUMMY = sd.SeatedBody("dummy", {"seat": 75.0}, ())
@@ -241,3 +244,47 @@ def test_bad_inputs():
         sd.compare_bodies([OFF], seat=SEAT, inputs=["EM99"])
     with pytest.raises(sd.RequestError, match=r"inputs\['x'\] = 3 is no spectrum"):
         sd.compare_bodies([OFF], seat=SEAT, inputs={"x": 3})
+
+
+# ---------------------------------------------------------------- the page about bodies
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "bodies.md").read_text(encoding="utf-8")
+
+
+def drawn():
+    """The script behind the page."""
+    return runpy.run_path(str(ROOT / "docs" / "draw_bodies.py"))
+
+
+def part(name):
+    return PAGE.partition(f"<!-- {name}:begin -->")[2].partition(f"<!-- {name}:end -->")[0]
+
+
+def test_page_shows_the_catalogue_as_it_is():
+    script = drawn()
+    text = script["catalogue"](sd.compare_bodies(frequency=script["F"]))
+    assert same(part("catalogue"), text)
+    for name in sd.list_bodies():
+        assert (ROOT / "docs" / "images" / f"body_{name}.png").stat().st_size > 10_000
+        assert f"images/body_{name}.png" in text
+
+
+@pytest.mark.slow
+def test_page_shows_seats_as_they_are():
+    assert same(part("seats"), drawn()["seats"]())
+
+
+def test_what_the_page_concludes():
+    """The largest differences it names; the rest of its numbers is in its tables."""
+    script = drawn()
+    factor = script["factor"]
+    at = {
+        name: factor(OFF, 20e3, 300.0, name) / factor("fairley1989", 20e3, 300.0, name)
+        for name in ("EM3", "EM8")
+    }
+    assert at["EM8"] == pytest.approx(1.45, abs=0.005)
+    assert at["EM3"] == pytest.approx(1.39, abs=0.005)
+    dampings = np.geomspace(50.0, 10e3, 12)
+    assert min(factor(OFF, 9950.0, c, "EM1") for c in dampings) > 1.0
+    assert min(factor(ON, 9950.0, c, "EM1") for c in dampings) < 0.97

@@ -29,6 +29,7 @@ PAGES = (
     "docs/howto.md",
     "docs/random.md",
     "docs/elements.md",
+    "docs/bodies.md",
     "docs/cli.md",
 )
 MODULES = sorted(

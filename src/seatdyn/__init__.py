@@ -13,7 +13,7 @@ __version__ = "0.1.0"
 _WHERE = {
     "seatdyn.errors": (
         "SeatdynError ModelError ExcitationError MeasurementError RequestError OutputError "
-        "SeatdynWarning ExtrapolationWarning DriftWarning MeasurementWarning Status"
+        "SeatdynWarning ExtrapolationWarning BandWarning DriftWarning MeasurementWarning Status"
     ),
     "seatdyn.model.body": "SeatedBody Link FeedbackForce FeedbackTerm load_body list_bodies",
     "seatdyn.model.elements": (

@@ -37,6 +37,10 @@ class ExtrapolationWarning(SeatdynWarning):
     """A measured table was used outside its range."""
 
 
+class BandWarning(SeatdynWarning):
+    """A body was used only above the frequencies that its model was made for."""
+
+
 class DriftWarning(SeatdynWarning):
     """A base motion ends with a velocity or displacement left over."""
 

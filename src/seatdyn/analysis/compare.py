@@ -132,9 +132,7 @@ def compare_bodies(
         if spectra:
             factors = [
                 [seat_factor(system, g, linearise=linearise) for g in spectra.values()]
-                if good
-                else [np.nan] * len(spectra)
-                for system, good in zip(systems, stable, strict=True)
+                for system in systems
             ]
             variables["seat_factor"] = (("body", "input"), factors, "1", "SEAT factor, Wk")
     coords: dict[str, Any] = {

@@ -29,7 +29,7 @@ from seatdyn.analysis.linear import (
     quadratic_eigenvalues,
 )
 from seatdyn.errors import RequestError
-from seatdyn.model.body import SEAT, SeatedBody
+from seatdyn.model.body import SEAT, SeatedBody, warn_above_band
 from seatdyn.model.elements import LinearElement, NonlinearElement
 from seatdyn.model.system import LinearModel, SeatSystem, linear_model
 from seatdyn.units import number
@@ -79,6 +79,9 @@ def frequency_response(
     """
     model = as_linear_model(system, linearise, delays=True)
     f = checked_frequencies(frequency)
+    if not isinstance(system, LinearModel):
+        person = system.body if isinstance(system, SeatSystem) else system
+        warn_above_band(person, float(f.min()), stacklevel=2)
     s: ComplexArray = np.asarray(2j * np.pi * f, dtype=complex)
     motion = _relative_motion(model, s, f)
     apparent_mass = _apparent_mass(model, motion) + _drive_mass(system)

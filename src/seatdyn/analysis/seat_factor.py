@@ -9,51 +9,65 @@ where a SEAT factor is taken, is the node "seat", the frame.
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from seatdyn.analysis.linear import Linearise, poles
-from seatdyn.analysis.response import frequency_response
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.linear import Linearise
+from seatdyn.analysis.random_linear import linear_response
 from seatdyn.model.body import SEAT
 from seatdyn.model.system import SeatSystem
-from seatdyn.signals.spectrum import Array, Spectrum, integrate
-from seatdyn.standards.weighting import weighting
+from seatdyn.signals.spectrum import Spectrum
+from seatdyn.standards.weighting import Weighting, weighting
 
+Array = NDArray[np.float64]
 WEIGHTING = "Wk"  # vertical, on a seat
-AROUND = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])  # half-widths of a resonance
 
 
 def seat_factor(system: SeatSystem, spectrum: Spectrum, *, linearise: Linearise = None) -> float:
-    """SEAT factor of the linear part of a stable system under a base motion of this spectrum.
+    """SEAT factor of the linear part of a system under a base motion of this spectrum.
 
     Parameters
     ----------
-    system : stable; what its non-linear elements add is left out, or their tangent taken
+    system : what its non-linear elements add is left out, or their tangent taken
     spectrum : of the acceleration of the base, in its band
     linearise : as in `poles`
 
     Returns
     -------
     float
-        R.m.s. acceleration of the seat over that of the base, both weighted by Wk; 1.
-
-    Notes
-    -----
-    Gauss quadrature between the knots of the spectrum and points around every resonance, so that a
-    lightly damped one cannot fall between.
+        R.m.s. acceleration of the seat over that of the base, both weighted by Wk; 1. NaN for an
+        unstable system, which has none.
     """
-    wk = weighting(WEIGHTING)
+    weighted = Weighted(spectrum, weighting(WEIGHTING))
+    response = linear_response(system, weighted, linearise=linearise)
+    return float(response.rms.sel(output=f"acc_{SEAT}")) / weighted.acceleration_rms()
 
-    def base(f: Array) -> Array:
-        return np.asarray(spectrum.density(f) * np.abs(wk.factor(f)) ** 2)
 
-    def seat(f: Array) -> Array:
-        flat = frequency_response(system, frequency=f.ravel(), linearise=linearise)
-        t = flat.transmissibility.sel(node=SEAT).values.reshape(f.shape)
-        return np.asarray(base(f) * np.abs(t) ** 2)
+@dataclass(frozen=True)
+class Weighted(Spectrum):
+    """A spectrum times the square of a weighting: filters of a linear system may change places."""
 
-    found = poles(system, linearise=linearise)
-    width = np.abs(found["real"].values) / (2 * np.pi)
-    near = (found.fd.values[:, None] + width[:, None] * AROUND).ravel()
-    inside = near[(near > spectrum.low) & (near < spectrum.high)]
-    points = np.union1d(spectrum.knots, inside)
-    return float(np.sqrt(integrate(seat, points).sum() / integrate(base, points).sum()))
+    spectrum: Spectrum
+    weighting: Weighting
+
+    @property
+    def low(self) -> float:  # type: ignore[override]
+        """Low end of the band in Hz."""
+        return self.spectrum.low
+
+    @property
+    def high(self) -> float:  # type: ignore[override]
+        """High end of the band in Hz."""
+        return self.spectrum.high
+
+    @property
+    def knots(self) -> Array:
+        """Those of the spectrum."""
+        return self.spectrum.knots
+
+    def _inside(self, frequency: Array) -> Array:
+        return np.asarray(
+            self.spectrum.density(frequency) * np.abs(self.weighting.factor(frequency)) ** 2
+        )

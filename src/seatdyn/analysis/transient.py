@@ -26,6 +26,7 @@ from seatdyn.analysis.run import Problem, Run, Samples, Settings
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
 from seatdyn.kernels import dense
 from seatdyn.kernels.columns import BREAKS, FIRST, IS_JUMP, ON_DISPLACEMENT, SECOND, VALUE
+from seatdyn.model.body import warn_above_band
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import SeatSystem
 from seatdyn.units import LENGTH, SPEED, number
@@ -167,6 +168,8 @@ def check_request(system: Any, excitation: Any) -> None:
             f"excitation = {reprlib.repr(excitation)} is no base motion; use Sine, SineSum, Step, "
             "HalfSineShock, Sweep, Record, RandomMotion or Still."
         )
+    if excitation.period:
+        warn_above_band(system.body, 1.0 / excitation.period, stacklevel=3)
 
 
 def initial_state(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import reprlib
 import tomllib
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from seatdyn.errors import ModelError
+from seatdyn.errors import BandWarning, ModelError
 from seatdyn.units import (
     DAMPING,
     DELAY,
@@ -373,6 +374,21 @@ def node_pair(value: Any, label: str) -> tuple[str, str]:
     if not is_list or len(value) != 2 or value[0] == value[1]:
         raise ModelError(f"{label} = {value!r} is not allowed; it must name two different nodes.")
     return (str(value[0]), str(value[1]))
+
+
+def warn_above_band(body: SeatedBody, lowest: float, *, stacklevel: int) -> None:
+    """Warn where all frequencies of a request, from `lowest` Hz on, lie above the body's band.
+
+    Below its band a body is nearly rigid, and a request that only reaches beyond its band is
+    common, so that neither is worth a warning.
+    """
+    if body.band and lowest > body.band[1]:
+        warnings.warn(
+            f"The body {body.name!r} was made for {body.band[0]:g} .. {body.band[1]:g} Hz; what is "
+            f"asked of it begins at {lowest:g} Hz. Do not rely on what it does there.",
+            BandWarning,
+            stacklevel=stacklevel + 1,
+        )
 
 
 def list_bodies() -> list[str]:
