@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
-from seatdyn.kernels.jit import inlined, inner
+from seatdyn.kernels.jit import allocating, inlined, inner
 from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
@@ -138,7 +138,7 @@ def resting_on(plant, r, j, y, base):
     return d, plant.breaks[r, VALUE]
 
 
-@inner
+@allocating
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
     d, v = resting_on(plant, r, j, y, base)

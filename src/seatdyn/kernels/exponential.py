@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.jit import inlined, inner
+from seatdyn.kernels.jit import allocating, inlined, inner
 from seatdyn.kernels.plant import channel_force, segment_motion
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
@@ -49,7 +49,7 @@ class Work(NamedTuple):
     effect: np.ndarray  # (2N,)
 
 
-@inner
+@allocating
 def make_work(n, m):
     """Arrays for N = n free nodes and m channels."""
     return Work(

@@ -12,7 +12,7 @@ import numpy as np
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import one_sided_forces, resting_on
-from seatdyn.kernels.jit import inner
+from seatdyn.kernels.jit import allocating, inner
 from seatdyn.kernels.plant import FREE, accelerations, base_motion, on_side, relative
 
 
@@ -30,7 +30,7 @@ def held_margin(plant, t, segment, y, side, held, force):
     return worst, channel
 
 
-@inner
+@allocating
 def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
     """Hold channel j at jump r if it is slow and the balancing force lies inside the jump."""
     n = y.size // 2
@@ -52,7 +52,7 @@ def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
         y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
 
 
-@inner
+@allocating
 def held_element_forces(plant, j, y, base, side, r, force, result):
     """Forces (e,) of the elements of channel j while it is held at break r with `force` in all.
 

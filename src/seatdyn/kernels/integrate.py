@@ -23,7 +23,7 @@ from seatdyn.kernels.events import (
     sides_of,
 )
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
-from seatdyn.kernels.jit import inlined, inner, kernel
+from seatdyn.kernels.jit import allocating, inlined, inner, kernel
 from seatdyn.kernels.plant import accelerations, base_motion, segment_at
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
@@ -97,7 +97,7 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@inner
+@allocating
 def grow(old, new):
     """Copy the rows of a record into a longer one."""
     for i in range(old.shape[0]):

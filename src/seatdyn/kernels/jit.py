@@ -74,10 +74,13 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(make, function)
 
 
-def inner(function: Callable[..., Any], *, forceinline: bool = False) -> Any:
+def inner(
+    function: Callable[..., Any], *, forceinline: bool = False, allocates: bool = False
+) -> Any:
     """Compile a function that only kernels call: part of what is cached for them.
 
-    It gets no wrapper for Python, which would take as long to build as the function.
+    It gets no wrapper for Python, which would take as long to build as the function, and it makes
+    no arrays, so that nothing counts references: that would cost more than the arithmetic.
     """
     njit: Any = numba.njit  # the flags for the wrappers are missing from its stub
     return njit(
@@ -85,9 +88,15 @@ def inner(function: Callable[..., Any], *, forceinline: bool = False) -> Any:
         nogil=True,
         error_model="numpy",
         forceinline=forceinline,
+        _nrt=allocates,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
     )
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """The same for functions that make arrays."""
+    return inner(function, allocates=True)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -19,7 +19,7 @@ from seatdyn.kernels.columns import (
     SECOND,
     VALUE,
 )
-from seatdyn.kernels.jit import inlined, inner
+from seatdyn.kernels.jit import allocating, inlined, inner
 
 FREE = -1  # a channel that is not held at a jump
 
@@ -150,7 +150,7 @@ def solve_small(matrix, rhs):
         rhs[i] /= matrix[i, i]
 
 
-@inner
+@allocating
 def hold(plant, held, a0, acceleration, force):
     """Forces that keep the held channels where they are (zero relative acceleration)."""
     rows = np.nonzero(held >= 0)[0]
