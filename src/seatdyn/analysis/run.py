@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,7 +160,7 @@ class Problem:
         """Lower `system` and `motion`."""
         plant = lower(system, motion)
         longest = min(motion.longest_step, LONGEST_LADDER_STEP)
-        ladder = make_ladder(plant, longest)
+        ladder = make_ladder(plant, 2 * longest)
         return cls(system, motion, settings, plant, ladder, longest)
 
     @property
@@ -215,8 +215,9 @@ class Problem:
                     settings.stick_speed,
                     settings.max_events_per_second,
                 )
-            sizes = np.abs(record[:, 1 : 2 * n + 1]).max(0)
-            scale = (max(scale[0], sizes[:n].max()), max(scale[1], sizes[n:].max()))
+            if stop < t1:
+                sizes = np.abs(record[:, 1 : 2 * n + 1]).max(0)
+                scale = (max(scale[0], sizes[:n].max()), max(scale[1], sizes[n:].max()))
             state = State(record[-1, 1 : 2 * n + 1].copy(), side, held)
             events += count
             steps += record.shape[0] - 1
@@ -226,6 +227,11 @@ class Problem:
                 break
             if progress is not None:
                 progress((stop - t0) / (t1 - t0))
-        joined = np.concatenate([*(r[:-1] for r in records), records[-1][-1:]])
-        joined_marks = np.concatenate([*(m[:-1] for m in marks), marks[-1][-1:]])
-        return Run(self, STATUS[code], events, joined, joined_marks, state)
+        return Run(self, STATUS[code], events, _joined(records), _joined(marks), state)
+
+
+def _joined(pieces: list[NDArray[Any]]) -> NDArray[Any]:
+    """Records of runs that follow each other as one; each begins where the one before ends."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return np.concatenate([*(piece[:-1] for piece in pieces[:-1]), pieces[-1]])

@@ -18,21 +18,65 @@ from seatdyn.kernels.plant import (
     segment_at,
 )
 
+SINGLE, FIRST_HALF, SECOND_HALF = range(3)  # what a row of the record is: last column of `marks`
+
 
 @inner
-def hermite_state(record, i, s, n, y):
-    """State at share s of step i: quintic in the displacements, its derivative as velocity."""
-    h = record[i + 1, 0] - record[i, 0]
-    for q in range(1, n + 1):
-        z0, z1 = record[i, q], record[i + 1, q]
-        m0, m1 = h * record[i, n + q], h * record[i + 1, n + q]
-        k0, k1 = h * h * record[i, 2 * n + q], h * h * record[i, 3 * n + q]
+def state_between(h, s, y0, a0, y1, a1, y):
+    """State at share s of a step: quintic in the displacements, its derivative as velocity."""
+    n = a0.size
+    for q in range(n):
+        z0, z1 = y0[q], y1[q]
+        m0, m1 = h * y0[n + q], h * y1[n + q]
+        k0, k1 = h * h * a0[q], h * h * a1[q]
         rise = z1 - z0
         p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
         p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
         p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
-        y[q - 1] = z0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
-        y[n + q - 1] = (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
+        y[q] = z0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
+        y[n + q] = (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
+
+
+@inner
+def state_within(k, u, y0, a0, ym, am, y1, a1, y):
+    """State at u = -1 .. 1 of a step of two halves k from what it has at -1, 0 and 1.
+
+    The displacements are of degree eight: the quintic through both ends, and what the middle adds.
+    """
+    n = a0.size
+    bell = 1.0 - u * u
+    for q in range(n):
+        mean, odd = 0.5 * (y0[q] + y1[q]), 0.5 * (y1[q] - y0[q])
+        odd1, mean1 = 0.5 * k * (y1[n + q] - y0[n + q]), 0.5 * k * (y0[n + q] + y1[n + q])
+        mean2, odd2 = 0.5 * k * k * (a0[q] + a1[q]), 0.5 * k * k * (a1[q] - a0[q])
+        p4, p5 = 0.125 * (mean2 - odd1), 0.125 * (odd2 - 3 * (mean1 - odd))
+        p2, p3 = 0.5 * odd1 - 2 * p4, 0.5 * (mean1 - odd) - 2 * p5
+        p0, p1 = mean - p2 - p4, odd - p3 - p5
+        c0, c1 = ym[q] - p0, k * ym[n + q] - p1
+        c2 = 0.5 * (k * k * am[q] - 2 * p2) + 3 * c0
+        c, slope = c0 + u * (c1 + u * c2), c1 + 2 * u * c2
+        y[q] = p0 + u * (p1 + u * (p2 + u * (p3 + u * (p4 + u * p5)))) + bell**3 * c
+        rate = p1 + u * (2 * p2 + u * (3 * p3 + u * (4 * p4 + u * 5 * p5)))
+        y[n + q] = (rate + bell * bell * (bell * slope - 6 * u * c)) / k
+
+
+@inner
+def solution(record, i, part, share, n, y):
+    """State at a share of row i of the record, which may be half of a ladder step."""
+    h = record[i + 1, 0] - record[i, 0]
+    first = i - 1 if part == SECOND_HALF else i
+    start, middle = record[first], record[first + 1]
+    if part == SINGLE:
+        state_between(
+            h, share, start[1 : 2 * n + 1], start[2 * n + 1 : 3 * n + 1], middle[1 : 2 * n + 1],
+            start[3 * n + 1 :], y,
+        )  # fmt: skip
+    else:
+        state_within(
+            h, share if part == SECOND_HALF else share - 1.0, start[1 : 2 * n + 1],
+            start[2 * n + 1 : 3 * n + 1], middle[1 : 2 * n + 1], start[3 * n + 1 :],
+            record[first + 2, 1 : 2 * n + 1], middle[3 * n + 1 :], y,
+        )  # fmt: skip
 
 
 @kernel
@@ -51,12 +95,12 @@ def sample(plant, record, marks, index, share):
     for p in range(count):
         i = index[p]
         h = record[i + 1, 0] - record[i, 0]
-        hermite_state(record, i, share[p], n, y)
+        solution(record, i, marks[i, breaks + m], share[p], n, y)
         segment = segment_at(plant, record[i, 0] + 0.5 * h)
         times[p] = record[i, 0] + share[p] * h
         base = base_motion(plant, times[p], segment)
         bases[0, p], bases[1, p], bases[2, p] = base
-        side, held = marks[i, :breaks], marks[i, breaks:]
+        side, held = marks[i, :breaks], marks[i, breaks : breaks + m]
         if np.any(held != FREE):
             accelerations(plant, base, y, side, held, a[p], force)
         else:

@@ -5,120 +5,161 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
-from seatdyn.kernels.jit import allocating, inlined, inner
+from seatdyn.kernels.jit import inlined, inner
 from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
-PROBES = 16  # points at which a step with a possible crossing is searched
-BISECTIONS = 60
+TOUCH = 1e-6  # of a step: a dip narrower than this is none
+SECANTS, SHORTEST = 60, 1e-12  # steps of false position; interval that ends it, of a step
 
 
 @inlined
 def distance(plant, r, j, y, base, acceleration, side):
-    """Signed distance g of the state to break r of channel j (g >= 0 on our side), g', g''."""
+    """Signed distance g of the state to break r of channel j (g >= 0 on our side), and g'."""
     d, v = relative(plant, j, y, base[0], base[1])
     a = relative_acceleration(plant, j, acceleration, base[2])
-    p, q = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY]
-    s = side[r]
-    # the second derivative is only used where the break does not depend on the velocity
-    return s * (p * d + q * v - plant.breaks[r, VALUE]), s * (p * v + q * a), s * p * a
+    p, q, s = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY], side[r]
+    return s * (p * d + q * v - plant.breaks[r, VALUE]), s * (p * v + q * a)
 
 
 @inlined
-def quintic(s, h, g0, s0, c0, g1, s1, c1, curved):
-    """Hermite polynomial at share s of a step: values, slopes and (if `curved`) curvatures."""
-    m0, m1 = h * s0, h * s1
-    rise = g1 - g0
-    if not curved:
-        return g0 + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
-    k0, k1 = h * h * c0, h * h * c1
-    p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
-    p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
-    p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
-    return g0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
+def bernstein(h, d0, v0, a0, d1, v1, a1, p, q, value, b):
+    """p d + q v - value over a step, d the quintic between its ends, as Bernstein coefficients."""
+    rate = 5.0 * ((d1 - d0) / h - 0.4 * (v0 + v1)) + 0.25 * h * (a1 - a0)
+    rate0, rate1 = v0 + 0.25 * h * a0, v1 - 0.25 * h * a1
+    b[0] = p * d0 + q * v0
+    b[1] = p * (d0 + 0.2 * h * v0) + q * (0.2 * v0 + 0.8 * rate0)
+    b[2] = p * (d0 + 0.4 * h * v0 + 0.05 * h * h * a0) + q * (0.4 * rate0 + 0.6 * rate)
+    b[3] = p * (d1 - 0.4 * h * v1 + 0.05 * h * h * a1) + q * (0.6 * rate + 0.4 * rate1)
+    b[4] = p * (d1 - 0.2 * h * v1) + q * (0.8 * rate1 + 0.2 * v1)
+    b[5] = p * d1 + q * v1
+    for i in range(6):
+        b[i] -= value
+
+
+@inlined
+def sign_changes(b, degree):
+    """Number of sign changes in the coefficients: no fewer than zeros between 0 and 1."""
+    changes, positive = 0, b[0] >= 0.0
+    for i in range(1, degree + 1):
+        if (b[i] >= 0.0) != positive:
+            changes, positive = changes + 1, not positive
+    return changes
+
+
+@inlined
+def restrict(b, degree, low, high):
+    """Coefficients of the same polynomial over low..high instead of 0..1 (de Casteljau)."""
+    for r in range(1, degree + 1):
+        for i in range(degree + 1 - r):
+            b[i] += low * (b[i + 1] - b[i])
+    share = (high - low) / (1.0 - low)
+    for r in range(1, degree + 1):
+        for i in range(degree, r - 1, -1):
+            b[i] = b[i - 1] + share * (b[i] - b[i - 1])
+
+
+@inlined
+def bernstein_value(b, degree, s):
+    """Polynomial of degree 4 or 5 at s."""
+    u = 1.0 - s
+    if degree == 4:
+        return (
+            u * (u * (u * (u * b[0] + 4 * s * b[1]) + 6 * s * s * b[2]) + 4 * s**3 * b[3])
+            + s**4 * b[4]
+        )
+    return (
+        u
+        * (
+            u * (u * (u * (u * b[0] + 5 * s * b[1]) + 10 * s * s * b[2]) + 10 * s**3 * b[3])
+            + 5 * s**4 * b[4]
+        )
+        + s**5 * b[5]
+    )
 
 
 @inner
-def first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance):
-    """Share of the step at which g first falls below zero; 2 where it does not.
+def first_zero(b, tolerance):
+    """Where in 0..1 the quintic with Bernstein coefficients b first falls below zero; 2 if nowhere.
 
-    Zero means that the state leaves its side at once. The step is searched where g ends below
-    zero or dips inside (slopes of opposite sign).
+    Zero means that it falls below at once. Fewer than `tolerance` below zero do not count. The
+    interval is halved until the signs of the coefficients show a single zero (Descartes); `b` is
+    used up.
     """
-    starts_on = g0 <= tolerance
-    if starts_on and s0 <= 0.0 and g1 < -tolerance:
-        return 0.0
-    dips = s0 < 0.0 and s1 > 0.0
-    if g1 >= -tolerance and not dips:
+    lowest = min(min(b[1], b[2]), min(b[3], b[4]), b[5])
+    if lowest >= -tolerance:
         return 2.0
-    low, high = 0.0, 2.0
-    inside = not starts_on
-    for i in range(1, PROBES + 1):
-        s = i / PROBES
-        g = g1 if i == PROBES else quintic(s, h, g0, s0, c0, g1, s1, c1, curved)
-        if inside and g < 0.0 and (g < -tolerance or i < PROBES):
-            high = s
-            break
-        if g > tolerance:
-            inside = True
-            low = s
-    if high > 1.0:
-        if not dips:
-            # left the break and came back between two probes, or grazes within the tolerance
-            return 0.5 / PROBES if g1 < -tolerance else 2.0
-        # a dip narrower than the probes: look at the bottom
-        low, high = 0.0, 1.0
-        for _ in range(BISECTIONS):
-            a, b = low + (high - low) / 3, high - (high - low) / 3
-            ga = quintic(a, h, g0, s0, c0, g1, s1, c1, curved)
-            gb = quintic(b, h, g0, s0, c0, g1, s1, c1, curved)
-            if ga < gb:
-                high = b
-            else:
-                low = a
-        bottom = 0.5 * (low + high)
-        if starts_on or quintic(bottom, h, g0, s0, c0, g1, s1, c1, curved) >= -tolerance:
-            return 2.0
-        low, high = 0.0, bottom
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        if quintic(middle, h, g0, s0, c0, g1, s1, c1, curved) > 0.0:
-            low = middle
+    degree = 5
+    if b[0] <= tolerance:
+        # on the break: what is left after division by s tells where it is met again
+        if b[1] - b[0] <= 0.0:
+            return 0.0 if b[5] < -tolerance else 2.0
+        degree = 4
+        for i in range(5):
+            b[i] = 5.0 / (i + 1) * b[i + 1]
+    whole = (b[0], b[1], b[2], b[3], b[4], b[5])
+    low, size = 0.0, 1.0
+    changes = sign_changes(b, degree)
+    while changes != 1:
+        if changes > 0 and size > TOUCH:
+            size *= 0.5
         else:
-            high = middle
-    return high
+            low += size
+            size = min(2 * size, 1.0 - low)
+            if size <= 0.0:
+                return 2.0
+        for i in range(6):
+            b[i] = whole[i]
+        restrict(b, degree, low, low + size)
+        if b[0] < 0.0:
+            return low
+        changes = sign_changes(b, degree)
+    # a zero between two ends of opposite sign: false position, an end kept twice counts half
+    left, right, above, below, kept = 0.0, 1.0, b[0], b[degree], 0
+    s = 0.0
+    for _ in range(SECANTS):
+        s = (left * below - right * above) / (below - above)
+        g = bernstein_value(b, degree, s)
+        if abs(g) <= 0.01 * tolerance or right - left < SHORTEST:
+            break
+        if g > 0.0:
+            left, above = s, g
+            if kept > 0:
+                below *= 0.5
+            kept = 1
+        else:
+            right, below = s, g
+            if kept < 0:
+                above *= 0.5
+            kept = -1
+    return low + s * size
 
 
 @inner
-def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale):
-    """Earliest break met in the step: share of the step (2 if none), its row and channel."""
+def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
+    """Earliest break met in the step: share of the step (2 if none), its row and channel.
+
+    b : (6,) scratch
+    """
     best, row, channel = 2.0, -1, -1
-    for j in range(plant.gain.shape[0]):
+    for j in range(held.size):
+        d0, v0 = relative(plant, j, y, base[0], base[1])
+        d1, v1 = relative(plant, j, y1, base1[0], base1[1])
+        acc0 = relative_acceleration(plant, j, a, base[2])
+        acc1 = relative_acceleration(plant, j, a1, base1[2])
         for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
             if held[j] == r:
                 continue
-            g0, s0, c0 = distance(plant, r, j, y, base, a, side)
-            g1, s1, c1 = distance(plant, r, j, y1, base1, a1, side)
-            curved = plant.breaks[r, ON_VELOCITY] == 0.0
-            tolerance = 4 * break_tolerance(plant, r, z_scale, v_scale)
-            share = first_zero(h, g0, s0, c0, g1, s1, c1, curved, tolerance)
+            p, q = (
+                side[r] * plant.breaks[r, ON_DISPLACEMENT],
+                side[r] * plant.breaks[r, ON_VELOCITY],
+            )
+            value = side[r] * plant.breaks[r, VALUE]
+            bernstein(h, d0, v0, acc0, d1, v1, acc1, p, q, value, b)
+            share = first_zero(b, 4 * break_tolerance(plant, r, z_scale, v_scale))
             if share < best:
                 best, row, channel = share, r, j
     return best, row, channel
-
-
-@inlined
-def far_from_breaks(plant, base0, base1, base2, y0, y1, y2, a0, a1, a2, side, z_scale, v_scale):
-    """Whether no break can be met in two steps: distances positive and never turning up inside."""
-    for j in range(plant.gain.shape[0]):
-        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-            g0, s0, _ = distance(plant, r, j, y0, base0, a0, side)
-            g1, s1, _ = distance(plant, r, j, y1, base1, a1, side)
-            g2, s2, _ = distance(plant, r, j, y2, base2, a2, side)
-            near = 8 * break_tolerance(plant, r, z_scale, v_scale)
-            if min(g0, g1, g2) <= near or (s0 < 0.0 < s1) or (s1 < 0.0 < s2):
-                return False
-    return True
 
 
 @inner
@@ -138,15 +179,17 @@ def resting_on(plant, r, j, y, base):
     return d, plant.breaks[r, VALUE]
 
 
-@allocating
+@inner
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
     d, v = resting_on(plant, r, j, y, base)
-    trial = side.copy()
-    trial[r] = -1
-    below = channel_force(plant, j, d, v, trial)
-    trial[r] = 1
-    return below, channel_force(plant, j, d, v, trial)
+    present = side[r]
+    side[r] = -1
+    below = channel_force(plant, j, d, v, side)
+    side[r] = 1
+    above = channel_force(plant, j, d, v, side)
+    side[r] = present
+    return below, above
 
 
 @inner

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import allocating, inlined, inner
 from seatdyn.kernels.plant import channel_force, segment_motion
 
@@ -16,32 +15,36 @@ NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
 ITERATIONS = 12
 FIRST_CHANGE = 0.02  # of the tolerance: small enough to accept without knowing the ratio
 ROUNDING = 4e-16
+BLOCK = 4  # sums that a processor builds side by side; widths of matrices are multiples of it
 
 
 class Ladder(NamedTuple):
-    """Propagators for L step sizes, 2N states and p = m + 2 inputs: forces, base x and v.
+    """Propagators for L step sizes, N nodes, m channels.
 
-    A step starts from one row [state (2N), inputs at node 0 (p), ..., at node 4 (p)]; each matrix
-    takes this row to what is needed.
+    A step starts from one row of R numbers: the state (2N); the base motion; the channel forces
+    at node 0 (m), at node 1 (m), ..., at node 4. The base motion is either the sine and cosine
+    part of each lasting sine (`exact_sines`), or displacement and velocity at the five nodes.
+    Each matrix takes the row to what is needed.
     """
 
     step: np.ndarray  # (L,) s
-    turn: np.ndarray  # (L, 5, n, 2) cosine and sine of the angle of each lasting sine to the nodes
-    advance: np.ndarray  # (L, 2N + 5p, 6N) to state and acceleration at the middle, and at the end
-    relative: np.ndarray  # (L, 2N + 5p, 8m) to motions across channels at node 1: d, v; node 2: ...
+    exact_sines: bool
+    turn: np.ndarray  # (L, 5, k, 2) cosine and sine of the angle of each lasting sine to the nodes
+    advance: np.ndarray  # (L, R, >= 6N) to state and acceleration at the middle, and at the end
+    known: np.ndarray  # (L, R - 4m, 8m) to motions across channels at node 1: d, v; node 2: ...
+    unknown: np.ndarray  # (L, 4m, 8m) the same from the forces at nodes 1-4
+    onward: np.ndarray  # (L + 1, 4, 5) forces of a step to those of the next: of 2h, h, h/2 ...
     to_legendre: np.ndarray  # (3, 5) second to fourth Legendre coefficient of nodal values
-    response: np.ndarray  # (L, 2, p, 2N) |end state| per unit of a constant, and of the third
+    response: np.ndarray  # (L, 2, inputs, 2N) |end state| per unit of a constant, and of the third
 
 
 class Work(NamedTuple):
     """Arrays of a ladder step: what it starts from and gives, and scratch."""
 
-    row: np.ndarray  # (2N + 5p,) state and nodal inputs
+    row: np.ndarray  # (R,)
     base: np.ndarray  # (5, 3) base displacement, velocity, acceleration at the nodes
-    result: np.ndarray  # (6N,) state and acceleration at the middle and at the end
+    result: np.ndarray  # (>= 6N,) state and acceleration at the middle and at the end
     before: np.ndarray  # (5, m) nodal forces of the step before
-    weights: np.ndarray  # (5, 5) that extrapolate them
-    ratio: np.ndarray  # (1,) of the step sizes that the weights are for
     tolerance: np.ndarray  # (m,) N
     known: np.ndarray  # (8m,)
     motion: np.ndarray  # (8m,)
@@ -50,98 +53,111 @@ class Work(NamedTuple):
 
 
 @allocating
-def make_work(n, m):
-    """Arrays for N = n free nodes and m channels."""
+def make_work(ladder):
+    """Arrays for the steps of a ladder."""
+    m = ladder.unknown.shape[1] // 4
     return Work(
-        np.zeros(2 * n + 5 * (m + 2)),
+        np.zeros(ladder.advance.shape[1]),
         np.zeros((5, 3)),
-        np.zeros(6 * n),
+        np.zeros(ladder.advance.shape[2]),
         np.zeros((5, m)),
-        np.zeros((5, 5)),
-        np.zeros(1),
         np.zeros(m),
         np.zeros(8 * m),
         np.zeros(8 * m),
         np.zeros((4, 4 * m)),
-        np.zeros(2 * n),
+        np.zeros(ladder.response.shape[3]),
     )
 
 
 @inlined
-def prediction(ratio, weights):
-    """Weights (5, 5) that carry a quartic over one step to the nodes of the next, h2/h1 = ratio."""
-    for i in range(5):
-        x = 1.0 + ratio * NODES[i]
-        for q in range(5):
-            weight = 1.0
-            for p in range(5):
-                if p != q:
-                    weight *= (x - NODES[p]) / (NODES[q] - NODES[p])
-            weights[i, q] = weight
-
-
-@inlined
-def place_base(plant, turn, t, h, segment, row, base):
-    """Write the base motion at the nodes into `row`, and (x, v, a) at the nodes into `base`."""
-    p = plant.gain.shape[0] + 2
-    first = row.size - 5 * p
-    lasting = plant.sines
-    for q in range(5):
-        base[q, 0], base[q, 1], base[q, 2] = segment_motion(plant, t + NODES[q] * h, segment)
-    for i in range(lasting.shape[0]):
-        omega, angle = lasting[i, 1], lasting[i, 1] * t + lasting[i, 2]
-        sine, cosine = lasting[i, 0] * math.sin(angle), lasting[i, 0] * math.cos(angle)
-        for q in range(5):
-            x = sine * turn[q, i, 0] + cosine * turn[q, i, 1]
+def place_base(plant, ladder, level, t, segment, work):
+    """Write the base motion into the row, and (x, v, a) at nodes 0, 2, 4 into `base`."""
+    row, base, sines, turn = work.row, work.base, plant.sines, ladder.turn
+    first = 2 * plant.linear.shape[0]
+    exact = ladder.exact_sines
+    stride = 2 if exact else 1
+    for q in range(0, 5, stride):
+        base[q, 0] = base[q, 1] = base[q, 2] = 0.0
+        if not exact:
+            at = t + NODES[q] * ladder.step[level]
+            base[q, 0], base[q, 1], base[q, 2] = segment_motion(plant, at, segment)
+    for i in range(sines.shape[0]):
+        omega, angle = sines[i, 1], sines[i, 1] * t + sines[i, 2]
+        sine, cosine = sines[i, 0] * math.sin(angle), sines[i, 0] * math.cos(angle)
+        if exact:
+            row[first + 2 * i], row[first + 2 * i + 1] = sine, cosine
+        for q in range(0, 5, stride):
+            c, s = turn[level, q, i, 0], turn[level, q, i, 1]
+            x = sine * c + cosine * s
             base[q, 0] += x
-            base[q, 1] += omega * (cosine * turn[q, i, 0] - sine * turn[q, i, 1])
+            base[q, 1] += omega * (cosine * c - sine * s)
             base[q, 2] -= omega * omega * x
-    for q in range(5):
-        row[first + q * p + p - 2] = base[q, 0]
-        row[first + q * p + p - 1] = base[q, 1]
+    if not exact:
+        for q in range(5):
+            row[first + 2 * q], row[first + 2 * q + 1] = base[q, 0], base[q, 1]
 
 
 @inlined
-def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
-    """Iterate the channel forces at nodes 1-4 in `row` until they repeat.
+def multiply(row, first, matrix, result):
+    """result = (the part of `row` from `first` on) @ matrix."""
+    for i in range(0, matrix.shape[1], BLOCK):
+        a = b = c = d = 0.0
+        for k in range(matrix.shape[0]):
+            x = row[first + k]
+            a += x * matrix[k, i]
+            b += x * matrix[k, i + 1]
+            c += x * matrix[k, i + 2]
+            d += x * matrix[k, i + 3]
+        result[i], result[i + 1], result[i + 2], result[i + 3] = a, b, c, d
+
+
+@inlined
+def guess_forces(plant, ladder, level, level_before, force0, z_tolerance, v_tolerance, work):
+    """First guess of the nodal forces in the row, and the changes that count as small."""
+    m = force0.size
+    row, before = work.row, work.before
+    place = row.size - 5 * m
+    h = ladder.step[level]
+    for j in range(m):
+        row[place + j] = force0[j]
+        for i in range(1, 5):
+            guess = force0[j]
+            if level_before >= 0:
+                guess = 0.0
+                for q in range(5):
+                    guess += ladder.onward[level_before - level + 1, i - 1, q] * before[q, j]
+            row[place + i * m + j] = guess
+        reach = plant.gain[j, j] * h
+        work.tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
+
+
+@inlined
+def collocate(plant, unknown, side, work):
+    """Iterate the channel forces at nodes 1-4 in the row until they repeat.
 
     Fixed-point iteration, each new value mixed with the one before so that the last two changes
-    cancel best (Anderson 1965, J. ACM 12:547-560, depth one). `known`, `motion` (8m,) and `past`
-    (4, 4m) are scratch. Returns the number of iterations, 0 where they do not repeat soon enough.
+    cancel best (Anderson 1965, J. ACM 12:547-560, depth one). Returns the number of iterations,
+    0 where they do not repeat soon enough.
     """
-    m = plant.gain.shape[0]
-    p = m + 2
-    n2 = row.size - 5 * p
-    for i in range(4):
-        for j in range(m):
-            start, end = plant.channels[j, FIRST] < 0, plant.channels[j, SECOND] < 0
-            for r in range(2):
-                o = i * 2 * m + r * m + j
-                known[o] = (base[i + 1, r] if end else 0.0) - (base[i + 1, r] if start else 0.0)
-    for k in range(row.size):
-        if k < n2 + p or (k - n2) % p >= m:
-            for o in range(8 * m):
-                known[o] += matrix[k, o] * row[k]
+    row, known, motion, past = work.row, work.known, work.motion, work.past
+    m = work.tolerance.size
+    first = row.size - 4 * m
     before = np.inf
     for iteration in range(1, ITERATIONS + 1):
-        for o in range(8 * m):
-            motion[o] = known[o]
-        for q in range(1, 5):
-            for j in range(m):
-                k = n2 + q * p + j
-                for o in range(8 * m):
-                    motion[o] += matrix[k, o] * row[k]
+        multiply(row, first, unknown, motion)
         change = up = down = 0.0
         for i in range(4):
             for j in range(m):
-                o = i * 2 * m + j
-                q = i * m + j
-                new = channel_force(plant, j, motion[o], motion[o + m], side)
-                step = new - row[n2 + (i + 1) * p + j]
-                change = max(change, abs(step) / tolerance[j])
+                o, q = 2 * m * i + j, m * i + j
+                new = channel_force(
+                    plant, j, known[o] + motion[o], known[o + m] + motion[o + m], side
+                )
+                step = new - row[first + q]
+                size = step / work.tolerance[j]
+                change = max(change, abs(size))
                 if iteration > 1:
-                    turn = (step - past[1, q]) / tolerance[j]
-                    up += step / tolerance[j] * turn
+                    turn = size - past[1, q] / work.tolerance[j]
+                    up += size * turn
                     down += turn * turn
                 past[2, q], past[3, q] = new, step
         # small, and so is what is still to come if the changes go on falling by the same ratio
@@ -150,12 +166,10 @@ def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
         if not done and iteration > 2 and change * fall ** (ITERATIONS - iteration) > 1.0:
             return 0
         mix = up / down if down > 0.0 and not done else 0.0
-        for i in range(4):
-            for j in range(m):
-                q = i * m + j
-                new = past[2, q]
-                row[n2 + (i + 1) * p + j] = new - mix * (new - past[0, q])
-                past[0, q], past[1, q] = new, past[3, q]
+        for q in range(4 * m):
+            new = past[2, q]
+            row[first + q] = new - mix * (new - past[0, q])
+            past[0, q], past[1, q] = new, past[3, q]
         if done:
             return iteration
         before = change
@@ -163,112 +177,87 @@ def collocate(plant, matrix, row, base, side, tolerance, known, motion, past):
 
 
 @inlined
-def carry(matrix, row, result):
-    """result = row @ matrix."""
-    for i in range(result.size):
-        result[i] = 0.0
-    for k in range(row.size):
-        for i in range(result.size):
-            result[i] += row[k] * matrix[k, i]
-
-
-@inlined
-def truncation(ladder, level, row, worst_of, z_tolerance, v_tolerance):
-    """Error by what the quartics miss of the inputs, over its tolerance; `worst_of` is scratch.
+def truncation(ladder, level, z_tolerance, v_tolerance, work):
+    """Error by what the quartics miss of the inputs, over its tolerance.
 
     The Legendre coefficients of an input fall by about a ratio r each, c5 = r c4 and so on. At the
     Lobatto points the fifth polynomial looks like the third, and the eighth like a constant, which
     has the full effect on the end state: r c4 R3 + r^4 c4 R0. For smooth laws r is small; at a
     corner it is near one. Where c4 is small by chance, r c3 stands for it.
     """
-    p, n2 = ladder.response.shape[2], ladder.response.shape[3]
+    row, effect, response, legendre = work.row, work.effect, ladder.response, ladder.to_legendre
+    m, n2 = work.tolerance.size, effect.size
     for i in range(n2):
-        worst_of[i] = 0.0
-    for j in range(p):
+        effect[i] = 0.0
+    for j in range(response.shape[2]):
+        # the channel forces stand last in the row; before them the base motion, if it is sampled
+        place, stride = (row.size - 5 * m + j, m) if j < m else (n2 + j - m, 2)
         c2 = c3 = c4 = 0.0
         for q in range(5):
-            value = row[n2 + q * p + j]
-            c2 += ladder.to_legendre[0, q] * value
-            c3 += ladder.to_legendre[1, q] * value
-            c4 += ladder.to_legendre[2, q] * value
+            value = row[place + q * stride]
+            c2 += legendre[0, q] * value
+            c3 += legendre[1, q] * value
+            c4 += legendre[2, q] * value
         c2, c3, c4 = max(abs(c2), 1e-300), max(abs(c3), 1e-300), abs(c4)
         r = min(1.0, max(c3 / c2, c4 / c3))
         last = max(c4, r * c3)
+        third, constant = last * r, last * r**4
         for i in range(n2):
-            worst_of[i] += last * (
-                r * ladder.response[level, 1, j, i] + r**4 * ladder.response[level, 0, j, i]
-            )
-    worst = 0.0
-    for i in range(n2):
-        worst = max(worst, worst_of[i] / (z_tolerance if i < n2 // 2 else v_tolerance))
-    return worst
+            effect[i] += third * response[level, 1, j, i] + constant * response[level, 0, j, i]
+    z_worst = v_worst = 0.0
+    for i in range(n2 // 2):
+        z_worst, v_worst = max(z_worst, effect[i]), max(v_worst, effect[n2 // 2 + i])
+    return max(z_worst / z_tolerance, v_worst / v_tolerance)
 
 
 @inlined
-def interpolation_error(h, y0, ym, y1, a0, a1, z_tolerance, v_tolerance):
-    """Error of the two quintics kept for the step, from the middle of the one over the whole."""
-    worst = 0.0
-    n = a0.size
-    noise = ROUNDING * 1.875 / h  # of the velocity, per unit of displacement
+def interpolation_error(h, y0, a0, result, z_tolerance, v_tolerance):
+    """Error of the polynomial of degree eight that is kept for the step, over its tolerance.
+
+    With u = -1 .. 1 over the step, it is the quintic through both ends plus what the middle adds,
+    (1 - u^2)^3 (c0 + c1 u + c2 u^2). What is left out begins with c3 u^3, c3 about c1 c2/c0.
+    """
+    n, k = a0.size, 0.5 * h
+    c0 = c1 = c2 = 1e-300
     for i in range(n):
-        z0, z1, v0, v1 = y0[i], y1[i], y0[n + i], y1[n + i]
-        z = 0.5 * (z0 + z1) + 5 * h / 32 * (v0 - v1) + h * h / 64 * (a0[i] + a1[i])
-        v = 1.875 * (z1 - z0) / h - 0.4375 * (v0 + v1) + h / 32 * (a1[i] - a0[i])
-        rate_error = max(0.0, abs(ym[n + i] - v) - noise * (abs(z0) + abs(z1)))
-        worst = max(worst, abs(ym[i] - z) / 64 / z_tolerance, rate_error / 32 / v_tolerance)
-    return worst
+        z0, z1, a1 = y0[i], result[3 * n + i], result[5 * n + i]
+        v0, v1 = k * y0[n + i], k * result[4 * n + i]
+        curved, rising = k * k * (a0[i] + a1), k * k * (a1 - a0[i])
+        d0 = result[i] - 0.5 * (z0 + z1) - 0.3125 * (v0 - v1) - 0.0625 * curved
+        d1 = k * result[n + i] - 0.9375 * (z1 - z0) + 0.4375 * (v0 + v1) - 0.0625 * rising
+        d2 = 0.5 * k * k * result[2 * n + i] + 3 * d0 - 0.375 * (v1 - v0) + 0.125 * curved
+        c0, c2 = max(c0, abs(d0)), max(c2, abs(d2))
+        c1 = max(c1, abs(d1) - ROUNDING * (abs(z0) + abs(z1)))
+    c3 = c1 * min(1.0, c2 / c0)
+    # the largest values of u^3 (1 - u^2)^3 and of its slope
+    return c3 * max(0.057 / z_tolerance, 0.18 / (k * v_tolerance))
 
 
-@inlined
-def guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work):
-    """First guess of the nodal forces in the row, and the changes that count as small."""
-    m = force0.size
-    inputs = m + 2
-    if h_before > 0.0 and h / h_before != work.ratio[0]:
-        work.ratio[0] = h / h_before
-        prediction(work.ratio[0], work.weights)
-    for j in range(m):
-        place = work.row.size - 5 * inputs + j
-        work.row[place] = force0[j]
-        for i in range(1, 5):
-            guess = force0[j]
-            if h_before > 0.0:
-                guess = 0.0
-                for q in range(5):
-                    guess += work.weights[i, q] * work.before[q, j]
-            work.row[place + i * inputs] = guess
-        reach = plant.gain[j, j] * h
-        work.tolerance[j] = 0.1 * min(2 * z_tolerance / (reach * h), v_tolerance / reach)
-
-
-@inlined
+@inner
 def ladder_step(
-    plant, ladder, level, t, segment, y, a0, force0, h_before, side, z_tolerance, v_tolerance, work
-):
+    plant, ladder, level, level_before, t, segment, y, a0, force0, side, z_tolerance, v_tolerance,
+    work,
+):  # fmt: skip
     """Try a step of the size of `level`; the outcome stands in `work`.
 
-    `h_before` is the size of the ladder step just before, or 0 where its forces say nothing about
+    `level_before` is that of the ladder step just before, or -1 where its forces say nothing about
     this one. Returns the number of iterations of the forces (0: they did not repeat), the
     truncation error and the interpolation error, both over their tolerance.
     """
-    h, n = ladder.step[level], a0.size
-    row, result = work.row, work.result
-    for i in range(2 * n):
+    row = work.row
+    for i in range(y.size):
         row[i] = y[i]
-    place_base(plant, ladder.turn[level], t, h, segment, row, work.base)
+    place_base(plant, ladder, level, t, segment, work)
     iterations = 1
     if force0.size > 0:
-        guess_forces(plant, h, h_before, force0, z_tolerance, v_tolerance, work)
-        iterations = collocate(
-            plant, ladder.relative[level], row, work.base, side, work.tolerance, work.known,
-            work.motion, work.past,
-        )  # fmt: skip
+        guess_forces(plant, ladder, level, level_before, force0, z_tolerance, v_tolerance, work)
+        multiply(row, 0, ladder.known[level], work.known)
+        iterations = collocate(plant, ladder.unknown[level], side, work)
         if iterations == 0:
             return 0, np.inf, np.inf
-    carry(ladder.advance[level], row, result)
-    error = truncation(ladder, level, row, work.effect, z_tolerance, v_tolerance)
-    ym, y1, a1 = result[: 2 * n], result[3 * n : 5 * n], result[5 * n :]
-    gap = interpolation_error(h, y, ym, y1, a0, a1, z_tolerance, v_tolerance)
+    multiply(row, 0, ladder.advance[level], work.result)
+    error = truncation(ladder, level, z_tolerance, v_tolerance, work)
+    gap = interpolation_error(ladder.step[level], y, a0, work.result, z_tolerance, v_tolerance)
     return iterations, error, gap
 
 
@@ -276,9 +265,9 @@ def ladder_step(
 def keep_forces(work, force0):
     """After an accepted step: its nodal forces for the next guess, its last one as start."""
     m = force0.size
-    first = work.row.size - 5 * (m + 2)
+    first = work.row.size - 5 * m
     for q in range(5):
         for j in range(m):
-            work.before[q, j] = work.row[first + q * (m + 2) + j]
+            work.before[q, j] = work.row[first + q * m + j]
     for j in range(m):
         force0[j] = work.before[4, j]

@@ -152,6 +152,10 @@ def law_address(function: Callable[[float, float, Any], float], name: str) -> in
     return int(compiled_law(function, name).address)
 
 
+def _say() -> None:
+    logger.warning("compiling the kernels (once per installation, about 20 s) ...")
+
+
 class CompileNotice:
     """Says through the log, once, that kernels are being compiled, if that takes noticeable time.
 
@@ -163,16 +167,13 @@ class CompileNotice:
 
     def __enter__(self) -> None:
         """Start the clock."""
-        self._timer = threading.Timer(COMPILE_HINT_AFTER, self._say)
-        self._timer.daemon = True
-        if not CompileNotice._said:
+        self._timer = None if CompileNotice._said else threading.Timer(COMPILE_HINT_AFTER, _say)
+        if self._timer is not None:
+            self._timer.daemon = True
             self._timer.start()
 
     def __exit__(self, *_: object) -> None:
         """Stop the clock; compiled code stays loaded, so later calls need no notice."""
-        self._timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
         CompileNotice._said = True
-
-    @staticmethod
-    def _say() -> None:
-        logger.warning("compiling the kernels (once per installation, about 20 s) ...")

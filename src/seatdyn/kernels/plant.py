@@ -16,6 +16,7 @@ from seatdyn.kernels.columns import (
     IS_JUMP,
     OFFSET,
     ON_DISPLACEMENT,
+    ON_VELOCITY,
     SECOND,
     VALUE,
 )
@@ -116,15 +117,37 @@ def on_side(plant, j, d, v, side):
 
 
 @inlined
-def channel_force(plant, j, d, v, side):
+def sum_of_laws(plant, j, d, v):
     """Sum of the forces of the elements of channel j."""
-    d, v = on_side(plant, j, d, v, side)
     total = 0.0
     for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
         total += call_law(
             plant.elements[e, ADDRESS], d, v, plant.parameters, plant.elements[e, OFFSET]
         )
     return total
+
+
+@inlined
+def channel_force(plant, j, d, v, side):
+    """Force of channel j on the side of its breaks that the run is on.
+
+    Beyond a break it goes on as its own reflection in the point on the break, which is smooth for
+    smooth laws and exact for linear ones: a step may then reach over a break and be cut there.
+    """
+    beyond, excess = -1, 0.0
+    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+        p, q = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY]
+        g = p * d + q * v - plant.breaks[r, VALUE]
+        # a law that jumps may not be asked for its value at the jump
+        if side[r] * g < 0.0 or (g == 0.0 and plant.breaks[r, IS_JUMP] == 1):
+            beyond, excess = r, g
+    if beyond < 0:
+        return sum_of_laws(plant, j, d, v)
+    p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
+    d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
+    d_edge, v_edge = on_side(plant, j, d - d_out, v - v_out, side)
+    d_back, v_back = on_side(plant, j, d - 2 * d_out, v - 2 * v_out, side)
+    return 2 * sum_of_laws(plant, j, d_edge, v_edge) - sum_of_laws(plant, j, d_back, v_back)
 
 
 @inner
