@@ -58,6 +58,7 @@ _WHERE = {
     "seatdyn.standards.acceptance": "acceptance_limits",
     "seatdyn.analysis.assess": "assess",
     "seatdyn.analysis.compare_bands": "compare_bands",
+    "seatdyn.analysis.linearisation": "statistical_linearisation",
     "seatdyn.output.figures": "plot",
     "seatdyn.output.files": "save load",
 }

@@ -61,6 +61,7 @@ class Status(StrEnum):
     STEP_LIMIT = "step_limit"
     STEP_TOO_SMALL = "step_too_small"
     INCONSISTENT = "inconsistent"
+    NOT_CONVERGED = "not_converged"
 
     @property
     def message(self) -> str:
@@ -87,6 +88,8 @@ _MESSAGES = {
     "`max_steps`.",
     Status.STEP_TOO_SMALL: "The step size fell to the rounding of time: a force law is too steep "
     "or jumps without saying where.",
+    Status.NOT_CONVERGED: "The iteration did not settle within the iterations allowed. Raise their "
+    "number or the tolerance.",
     Status.INCONSISTENT: "The energy balance does not close: a force law jumps without saying "
     "where, or the tolerance is too loose. Declare the jump, or lower `rtol`.",
 }

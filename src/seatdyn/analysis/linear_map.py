@@ -18,7 +18,7 @@ from seatdyn.analysis.linear import companion
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.run import Samples
 from seatdyn.model.elements import NonlinearElement
-from seatdyn.model.system import BASE, SeatSystem
+from seatdyn.model.system import BASE, SeatSystem, linear_model
 
 Array = NDArray[np.float64]
 Gain = tuple[float, float]  # stiffness in N/m and damping in N s/m
@@ -53,7 +53,13 @@ def linear_map(system: SeatSystem, gains: Sequence[Gain] | None = None) -> Linea
     ----------
     gains : stiffness and damping of each non-linear element, in the order of the channels; None
         leaves them out
+
+    Raises
+    ------
+    RequestError
+        Some force is delayed.
     """
+    linear_model(system, "tangent").refuse_delays()
     model, n = system.linear, system.linear.size
     elements = channel_elements(system)
     gains = [(0.0, 0.0)] * len(elements) if gains is None else gains

@@ -20,6 +20,7 @@ from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.response import checked_frequencies
 from seatdyn.analysis.stability import is_stable
 from seatdyn.errors import RequestError, Status
+from seatdyn.model.elements import LinearElement, NonlinearElement
 from seatdyn.model.noise import quintic_segments
 from seatdyn.model.system import SeatSystem, linear_model
 from seatdyn.signals.spectrum import Spectrum
@@ -86,11 +87,13 @@ def linear_response(
     matrices = linear_map(system, tangents(system) if linearise == "tangent" else None)
     size = len(matrices.names)
     stable = is_stable(system, linearise=linearise)
-    found = Covariance(np.full((size, size), np.nan), np.full(size, np.nan))
+    found = None
     if stable:
         route = in_frequency if method == "frequency" else in_state_space
         found = route(*matrices[1:5], spectrum)
-    variables = {**_levels(found), "covariance": (("output", "with"), found.covariance, NOTE, "")}
+    square = np.full((size, size), np.nan) if found is None else found.covariance
+    variables = levels(found, size)
+    variables["covariance"] = (("output", "with"), square, NOTE, "covariance")
     coords = output_coords(matrices.names) | {"with": list(matrices.names)}
     if frequency is not None:
         f = np.asarray(checked_frequencies(frequency), dtype=float)
@@ -224,6 +227,12 @@ def check_request(system: Any, spectrum: Any) -> None:
             f"system = {type(system).__name__} is not allowed: a random response needs a "
             "SeatSystem; put the body on a Seat: SeatSystem(body, Seat(mass, [...]))."
         )
+    for element in system.all_elements:
+        if not isinstance(element, LinearElement | NonlinearElement):
+            raise RequestError(
+                f"{element.name} has states of its own, which a linear random response and a "
+                "statistical linearisation do not know; use an ensemble of runs."
+            )
     if not isinstance(spectrum, Spectrum):
         raise RequestError(
             f"spectrum = {spectrum!r} is no spectrum; use NarrowBand, SpectrumTable, "
@@ -239,12 +248,15 @@ def output_coords(names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _levels(found: Covariance) -> dict[str, Any]:
+def levels(found: Covariance | None, size: int) -> dict[str, Any]:
+    """R.m.s. of outputs and of their rates, and crossings of the mean; NaN without a covariance."""
+    if found is None:
+        found = Covariance(np.full((size, size), np.nan), np.full(size, np.nan))
     rms, rate = np.sqrt(np.diagonal(found.covariance)), np.sqrt(found.rate)
     with np.errstate(invalid="ignore"):  # an output that is always zero does not cross
         crossings = rate / rms / (2 * np.pi)
     return {
-        "rms": (("output",), rms, NOTE, "r.m.s."),
+        "rms": (("output",), rms, NOTE, "r.m.s. about the mean"),
         "rate_rms": (("output",), rate, NOTE, "r.m.s. of the rate, per s"),
         "upcrossings": (("output",), crossings, "Hz", "upward crossings of the mean"),
     }

@@ -21,7 +21,7 @@ from seatdyn.signals.shaping import Shaping
 from seatdyn.units import FREQUENCY, number, quantity
 
 Array = NDArray[np.float64]
-KNOTS = 257  # of a smooth density over its band, evenly spaced in log f
+KNOTS = 65  # of a smooth density over its band, evenly spaced in log f
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
 MOST_TABLE = 100_000  # points
 

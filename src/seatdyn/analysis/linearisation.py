@@ -1,0 +1,275 @@
+"""Statistical linearisation: every element as the spring and damper nearest to it on average.
+
+The response is assumed Gaussian. Then the levels of travel and speed across each element give an
+equivalent spring and damper (`gaussian.equivalent`), these give the levels again, and so on until
+nothing changes; asymmetric laws shift the mean as well. It is quick and never exact: the levels of
+a Duffing oscillator come out 0.7 to 6 % low, those of a mass on dry friction 11 % low.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from seatdyn.analysis.covariance import in_frequency
+from seatdyn.analysis.gaussian import Equivalent, equivalent
+from seatdyn.analysis.linear import labelled
+from seatdyn.analysis.linear_map import channel_elements, linear_map
+from seatdyn.analysis.outputs import named_outputs, unique_names
+from seatdyn.analysis.random_linear import check_request, levels, output_coords
+from seatdyn.analysis.run import Samples
+from seatdyn.errors import ExtrapolationWarning, RequestError, Status
+from seatdyn.model.system import SeatSystem, linear_model
+from seatdyn.signals.spectrum import Spectrum
+from seatdyn.units import number
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+FIRST_GUESSES = (1.0, 0.25, 4.0, 0.06, 16.0, 64.0)  # travel and speed over those of the base
+DIFFERENCE = 1e-5  # of logarithms and of the mean over the travel, for derivatives
+LARGEST_STEP = 1.0
+HALVINGS = 12
+ROUNDING = 1e-12  # of the r.m.s. force: a smaller mean is none
+OUTSIDE = 1e-2  # probability outside a measured table that is worth a warning
+
+
+def statistical_linearisation(
+    system: SeatSystem,
+    spectrum: Spectrum,
+    *,
+    tolerance: float = 1e-9,
+    max_iterations: int = 50,
+) -> xr.Dataset:
+    """Stationary response by equivalent springs and dampers, with a Gaussian motion assumed.
+
+    Parameters
+    ----------
+    system : SeatSystem; any elements whose force is a function of displacement and velocity
+    spectrum : Spectrum of the base acceleration
+    tolerance : largest relative difference between the levels that the equivalents were made for
+        and those that they lead to
+    max_iterations : after which the status is "not_converged"
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `output` (names as in `steady_state`, unit in `output_unit`): `rms` about the mean,
+        `mean`, `rate_rms` of the time derivative, `upcrossings` of the mean in Hz. Over `element`
+        (non-linear ones): `stiffness` in N/m, `damping` in N s/m and `mean_force` in N of its
+        equivalent; `force_rms` in N, of its own law; `travel_rms`, `travel_mean` in m and
+        `speed_rms` in m/s across it. Attributes: status ("converged", "not_converged",
+        "unstable"), iterations, change. Unless converged the numbers are NaN.
+
+    Raises
+    ------
+    RequestError
+        No SeatSystem, no spectrum, an element with states of its own, or mean forces that nothing
+        holds.
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.QuadraticDamper(1500.0)])
+    >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
+    >>> found = sd.statistical_linearisation(system, sd.seat_test_input("EM3"))
+    >>> found.attrs["status"]
+    'converged'
+    """
+    check_request(system, spectrum)
+    tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
+    most = round(number(max_iterations, "max_iterations", "", minimum=1.0, error=RequestError))
+    search = Search(system, spectrum)
+    status = search.solve(tolerance, most)
+    if status is Status.CONVERGED:
+        _warn_extrapolation(search)
+    return _dataset(search, status)
+
+
+class Search:
+    """The fixed point: for each channel the logarithms of travel and speed, and the mean travel.
+
+    Levels make gains, and gains make levels: Newton's method on the difference, with derivatives
+    by differences, never into an equivalent system that is unstable.
+    """
+
+    def __init__(self, system: SeatSystem, spectrum: Spectrum) -> None:
+        """Start from rest."""
+        self.system, self.spectrum = system, spectrum
+        self.elements = channel_elements(system)
+        self.channel = [j for j, channel in enumerate(system.channels) for _ in channel.elements]
+        self.spread = np.zeros((len(system.channels), 2))  # r.m.s. travel and speed of a channel
+        self.travel = np.zeros(len(system.channels))  # mean, m
+        self.mean = np.zeros(system.linear.size)  # of the nodes, m
+        self.equivalents: list[Equivalent] = []
+        self.matrices = linear_map(system)
+        self.iterations, self.change = 0, np.inf
+
+    def solve(self, tolerance: float, most: int) -> Status:
+        """Iterate until the levels stay."""
+        if not self.elements:
+            self.change = 0.0
+            return Status.CONVERGED if self._is_stable() else Status.UNSTABLE
+        place, miss = self._begin()
+        if miss is None:
+            return Status.UNSTABLE
+        for self.iterations in range(1, most + 1):
+            self.change = float(np.max(np.abs(miss)))
+            if self.change <= tolerance:
+                self._miss(place)
+                return Status.CONVERGED
+            following = self._newton(place, miss)
+            if following is None:
+                break
+            place, miss = following
+        return Status.NOT_CONVERGED
+
+    def _begin(self) -> tuple[Array, Array | None]:
+        """Begin with a motion like that of the base, or another with which the system is stable."""
+        base = [np.log(self.spectrum.displacement_rms()), np.log(self.spectrum.velocity_rms()), 0.0]
+        place = np.tile(base, (len(self.spread), 1))
+        for guess in FIRST_GUESSES:
+            start = place + np.array([np.log(guess), np.log(guess), 0.0])
+            miss = self._miss(start)
+            if miss is not None:
+                return start, miss
+        return place, None
+
+    def _miss(self, place: Array) -> Array | None:
+        """What levels (logarithms) and means (over the travel) lead to, less themselves, (m, 3).
+
+        None where the equivalent system is unstable.
+        """
+        self.spread = np.exp(place[:, :2])
+        self.travel = place[:, 2] * self.spread[:, 0]
+        self.equivalents = [
+            equivalent(element, *self.spread[j], mean=self.travel[j])
+            for element, j in zip(self.elements, self.channel, strict=True)
+        ]
+        gains = [(e.stiffness, e.damping) for e in self.equivalents]
+        m = self.matrices = linear_map(self.system, gains)
+        if not self._is_stable():
+            return None
+        rows, base = m.across.reshape(-1, len(m.a)), m.across_base.reshape(-1, 3)
+        squares = np.diagonal(in_frequency(m.a, m.b, rows, base, self.spectrum).covariance)
+        miss = np.empty_like(place)
+        miss[:, :2] = np.log(squares).reshape(-1, 2) / 2 - place[:, :2]
+        self.mean = self._balance()
+        travel = m.across[:, 0, : self.mean.size] @ self.mean
+        miss[:, 2] = (travel - self.travel) / self.spread[:, 0]
+        return miss
+
+    def _is_stable(self) -> bool:
+        return bool(np.all(np.linalg.eigvals(self.matrices.a).real < 0.0))
+
+    def _balance(self) -> Array:
+        """Mean displacements of the nodes at which mean forces, linear about the mean, balance."""
+        n, m = self.mean.size, self.matrices
+        push = [
+            e.stiffness * self.travel[j] - (e.mean if abs(e.mean) > ROUNDING * e.rms else 0.0)
+            for e, j in zip(self.equivalents, self.channel, strict=True)
+        ]
+        force = m.across[self.channel, 0, :n].T @ np.array(push)
+        if not np.any(force):
+            return np.zeros(n)
+        try:
+            return np.asarray(-np.linalg.solve(self.system.linear.mass @ m.a[n:, :n], force))
+        except np.linalg.LinAlgError:
+            raise RequestError(
+                "The elements push to one side on average and no spring holds the seat there. "
+                "Give it a Spring."
+            ) from None
+
+    def _newton(self, place: Array, miss: Array) -> tuple[Array, Array] | None:
+        """A shortened Newton step to where less is missed, or None if there is none."""
+        slopes = np.empty((place.size, place.size))
+        for i in range(place.size):
+            for step in (DIFFERENCE, -DIFFERENCE):
+                near = place.copy()
+                near.flat[i] += step
+                there = self._miss(near)
+                if there is not None:
+                    slopes[:, i] = (there - miss).ravel() / step
+                    break
+            else:
+                return None
+        newton = np.linalg.lstsq(slopes, -miss.ravel(), rcond=None)[0].reshape(place.shape)
+        size = np.linalg.norm(miss)
+        for direction in (newton, miss):
+            share = min(1.0, LARGEST_STEP / float(np.max(np.abs(direction))))
+            for _ in range(HALVINGS):
+                there = self._miss(place + share * direction)
+                if there is not None and np.linalg.norm(there) < (1.0 - 1e-3 * share) * size:
+                    return place + share * direction, there
+                share /= 2
+        return None
+
+
+def _means(search: Search) -> Array:
+    """Mean of every output: the system at rest at its mean, with the mean forces."""
+    n, e = search.mean.size, len(search.equivalents)
+    force = np.array([item.mean for item in search.equivalents]).reshape(1, e)
+    still = np.zeros((1, n))
+    at_mean = Samples(np.zeros(1), np.zeros((3, 1)), search.mean[None], still, still, force, force)
+    return np.array([values[0] for values in named_outputs(search.system, at_mean).values()])
+
+
+def _dataset(search: Search, status: Status) -> xr.Dataset:
+    system, m, items = search.system, search.matrices, search.equivalents
+    done = status is Status.CONVERGED
+    found = in_frequency(*m[1:5], search.spectrum) if done else None
+    means = _means(search) if done else np.full(len(m.names), np.nan)
+    variables: dict[str, Any] = levels(found, len(m.names))
+    variables["mean"] = (("output",), means, "see output_unit", "mean")
+
+    def per_element(values: Any, unit: str, text: str) -> Any:
+        shown = np.asarray(values, dtype=float) if done else np.full(len(search.elements), np.nan)
+        return (("element",), shown, unit, text)
+
+    spread = search.spread[search.channel].reshape(-1, 2)
+    variables |= {
+        "stiffness": per_element([e.stiffness for e in items], "N/m", "equivalent stiffness"),
+        "damping": per_element([e.damping for e in items], "N s/m", "equivalent damping"),
+        "mean_force": per_element([e.mean for e in items], "N", "mean force"),
+        "force_rms": per_element([e.rms for e in items], "N", "r.m.s. of the law about its mean"),
+        "travel_rms": per_element(spread[:, 0], "m", "r.m.s. displacement across"),
+        "speed_rms": per_element(spread[:, 1], "m/s", "r.m.s. velocity across"),
+        "travel_mean": per_element(search.travel[search.channel], "m", "mean displacement"),
+    }
+    coords = output_coords(m.names) | {"element": unique_names(search.elements)}
+    request = {"function": "statistical_linearisation"}
+    attributes = {
+        "status": str(status),
+        "message": status.message,
+        "iterations": search.iterations,
+        "change": search.change,
+        "inputs": json.dumps({"system": repr(system), "spectrum": repr(search.spectrum)}),
+    }
+    return labelled(variables, coords, linear_model(system, "tangent"), request, **attributes)
+
+
+def _warn_extrapolation(search: Search) -> None:
+    """Warn for every measured table that the motion leaves now and then, naming it."""
+    for element, j in zip(search.elements, search.channel, strict=True):
+        limits = element.lower().limits
+        if limits is None:
+            continue
+        variable, low, high = limits
+        on_velocity = variable == "velocity"
+        mean = 0.0 if on_velocity else float(search.travel[j])
+        sigma = search.spread[j, int(on_velocity)]
+        outside = ndtr((low - mean) / sigma) + ndtr((mean - high) / sigma)
+        if outside > OUTSIDE:
+            warnings.warn(
+                f"The table of {element.name} covers {variable} {low:.4g} .. {high:.4g}; the "
+                f"motion is outside for {100 * outside:.2g} % of the time and the table was "
+                "extrapolated. Measure further, or mistrust the result.",
+                ExtrapolationWarning,
+                stacklevel=3,
+            )
