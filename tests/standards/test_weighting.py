@@ -131,7 +131,7 @@ def test_gain_of_the_time_signal_up_to_80_hz(name, rate):
     weighted = weighting.apply(np.cos(2 * np.pi * f[:, None] * t), rate)[:, middle]
     reference = np.exp(-2j * np.pi * f[:, None] * t[middle])
     got = 2 * np.mean(weighted * reference, axis=-1)
-    np.testing.assert_allclose(got, weighting.factor(f), rtol=2e-3, atol=1e-5)
+    np.testing.assert_allclose(got, weighting.factor(f), rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", WEIGHTINGS)

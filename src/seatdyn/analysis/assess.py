@@ -99,7 +99,8 @@ def assess(
         frequency) of the unweighted acceleration, `running_rms` (axis, time).
 
         With `floor`: `floor_weighted_rms`, `floor_vdv`, the SEAT factors `seat_rms` and `seat_vdv`,
-        `floor_band_rms`, and `transmissibility` (H1, complex), `coherence`, `random_error`.
+        `floor_band_rms`, and `transmissibility` (H1, complex), `coherence`, `random_error`
+        and the effective number of `averages`.
 
         Attributes: `status`, `point`, `warnings` and `reasons` (why more than the r.m.s. is
         needed), both JSON lists; `a8_verdict`, `vdv_verdict`, `guidance_rms`, `guidance_vdv`,
@@ -257,6 +258,7 @@ def _isolation(
             "transmissibility": h1.value,
             "coherence": h1.coherence,
             "random_error": h1.random_error,
+            "averages": h1.averages,
         }
     return part
 
@@ -302,6 +304,7 @@ UNITS = {
     "transmissibility": "1",
     "coherence": "1",
     "random_error": "1",
+    "averages": "1",
 }
 OTHERS = "m/s2"
 RATIOS = {"seat_surface": "SEAT factor", "seat_frame": "seat frame over floor"}

@@ -28,10 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 10.0  # inches
-FLOOR, GRID = "#8a8a8a", "0.9"
+LOOKS, GRID = {"floor": "#8a8a8a", "simulated": "C3"}, "0.9"
 UPPERMOST = 80.0  # Hz
 SHOWN = (0.5, 40.0)  # Hz, of a transmissibility: below, a record of minutes says little
-COHERENT = 0.5  # below it the estimate does not set the scale
+ACCIDENT = 1e-3  # share of frequencies at which channels without relation may look coherent
+LARGEST_DIFFERENCE = 20.0  # dB, at which bars are cut off
 RESULTS = {  # rows of the table: variable, unit, digits
     "weighted r.m.s.": ("weighted_rms", "m/s²"),
     "peak, weighted": ("peak", "m/s²"),
@@ -85,9 +86,9 @@ def _running(ax: Axes, one: xr.Dataset, axis: str, name: str) -> None:
 def _bands(ax: Axes, centres: Any, levels: dict[str, Any]) -> None:
     edges = np.append(centres * 10**-0.05, centres[-1] * 10**0.05)
     for name, values in levels.items():
-        look: dict[str, Any] = (
-            {"color": FLOOR, "linestyle": "--"} if name == "floor" else {"linewidth": 1.8}
-        )
+        look: dict[str, Any] = {"linewidth": 1.8}
+        if name in LOOKS:
+            look = {"color": LOOKS[name], "linestyle": "--"}
         ax.stairs(values, edges, baseline=None, label=name, **look)
     ax.set_xscale("log")
     ax.set_xticks([0.5, 1, 2, 4, 8, 16, 31.5, 63], ["0.5", "1", "2", "4", "8", "16", "31.5", "63"])
@@ -103,7 +104,11 @@ def _bands(ax: Axes, centres: Any, levels: dict[str, Any]) -> None:
 def _transmissibility(ax: Axes, one: xr.Dataset) -> None:
     f = one.frequency.values
     inside = (f >= SHOWN[0]) & (f <= SHOWN[1])
-    size, error = np.abs(one.transmissibility.values[inside]), one.random_error.values[inside]
+    error = one.random_error.values[inside]
+    # n averages of unrelated channels exceed this coherence with the probability `ACCIDENT`
+    least = 1.0 - ACCIDENT ** (1.0 / max(float(one.averages) - 1.0, 1.0))
+    related = one.coherence.values[inside] > least
+    size = np.where(related, np.abs(one.transmissibility.values[inside]), np.nan)
     ax.plot(f[inside], size, label="|H1|")
     low, high = size * (1 - 2 * error), size * (1 + 2 * error)
     ax.fill_between(f[inside], np.maximum(low, 0.0), high, alpha=0.25, label="± 2 random errors")
@@ -113,8 +118,7 @@ def _transmissibility(ax: Axes, one: xr.Dataset) -> None:
     ax.set_xticks([0.5, 1, 2, 4, 8, 16, 31.5], ["0.5", "1", "2", "4", "8", "16", "31.5"])
     ax.minorticks_off()
     ax.set_xlim(SHOWN)
-    known = size[one.coherence.values[inside] > COHERENT]
-    ax.set_ylim(0.0, max(1.2, 1.1 * float(np.max(known, initial=0.0))))
+    ax.set_ylim(0.0, max(1.2, 1.1 * float(np.nanmax(size, initial=0.0))))
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("seat/floor, coherence [1]")
     ax.set_title(
@@ -139,12 +143,14 @@ def draw_comparison(figure: Figure, data: xr.Dataset) -> None:
         ax = grid[1, column]
         ax.bar(
             data.band.values,
-            np.nan_to_num(one.band_difference.values),
+            np.clip(
+                np.nan_to_num(one.band_difference.values), -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE
+            ),
             width=0.18 * data.band.values,
         )
         ax.axhline(0.0, color="black", linewidth=0.8)
         ax.set_xlabel("third octave [Hz]")
-        ax.set_ylabel("simulated over measured [dB]")
+        ax.set_ylabel(f"simulated over measured [dB], up to ±{LARGEST_DIFFERENCE:g}")
         _finish(ax)
 
 
