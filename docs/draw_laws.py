@@ -87,7 +87,72 @@ def balance():
     return figure
 
 
-PICTURES = {"laws": laws, "laws_lever": balance}
+def loops():
+    """Loops of elements with states, growing in amplitude."""
+    figure, axes = style.new_figure(1, 3, height=68.0)
+    time = np.linspace(0.0, 6.0, 6001)
+    growing = 1e-3 * np.ceil(time / 2.0) * np.sin(2 * np.pi * time)
+    friction = {
+        "Dahl": sd.DahlFriction(30.0, 1e5),
+        "LuGre": sd.LuGreFriction(30.0, 45.0, 5e-3, 3e5, 100.0),
+    }
+    for i, (name, element) in enumerate(friction.items()):
+        axes[0].plot(1e3 * growing, element.response(time, growing), label=name, **style.line(i))
+    wen = sd.BoucWen(8000.0, 0.1, 400.0, 200.0)
+    axes[1].plot(8e3 * growing, wen.response(time, 8 * growing), label="BoucWen", **style.line(0))
+    axes[1].set_title("growing cycles at 1 Hz")
+    d = 0.01 * np.sin(2 * np.pi * time)
+    v = 0.02 * np.pi * np.cos(2 * np.pi * time)
+    last = time > 5.0
+    for i, volts in enumerate((0.0, 0.75, 1.5)):
+        force = sd.SpencerDamper.spencer1997(volts).response(time, d)
+        axes[2].plot(v[last], force[last], label=f"Spencer, {volts:g} V", **style.line(i))
+    for ax, text in zip(axes, ("travel in mm", "travel in mm", "velocity in m/s"), strict=True):
+        ax.set_xlabel(text)
+        ax.set_ylim(top=1.35 * ax.get_ylim()[1])
+        ax.legend(loc="upper left")
+    axes[0].set_ylabel("force in N")
+    return figure
+
+
+def relaxing():
+    """Stiffness and damping over frequency, and a skyhook damper in time."""
+    figure, axes = style.new_figure(1, 2, height=68.0)
+    f = np.geomspace(0.1, 30.0, 200)
+    elements = {
+        "Zener": sd.Zener(20e3, 15e3, 0.05),
+        "AirSpringWithTank": sd.AirSpringWithTank(5e5, 4e-3, 4e-4, 8e-4, 3e7, 1.3),
+    }
+    for i, (name, element) in enumerate(elements.items()):
+        k = element.linearised().stiffness(2j * np.pi * f)
+        axes[0].semilogx(f, k.real / 1e3, label=f"{name}, real", **style.line(2 * i))
+        axes[0].semilogx(f, k.imag / 1e3, label=f"{name}, imaginary", **style.line(2 * i + 1))
+    axes[0].set_xlabel("frequency in Hz")
+    axes[0].set_ylabel("stiffness in N/mm")
+    axes[0].set_ylim(0.0, 55.0)
+    axes[0].legend()
+    time = np.linspace(0.0, 2.0, 2001)
+    d, w = 0.02 * np.sin(2 * np.pi * time), 0.15 * np.sin(2 * np.pi * time + 0.8)
+    axes[1].plot(time, 800.0 * w, label="damper to the sky", **style.line(0))
+    for i, control in enumerate(("skyhook", "on-off skyhook")):
+        gain = {"gain": 800.0} if control == "skyhook" else {}
+        damper = sd.SemiActiveDamper(50.0, 2000.0, 0.003, control=control, **gain)
+        force = damper.response(time, d, w=w)
+        axes[1].plot(time, force, label=control, **style.line(i + 1))
+    axes[1].set_xlim(1.0, 2.0)
+    axes[1].set_xlabel("time in s")
+    axes[1].set_ylabel("force in N")
+    axes[1].set_ylim(top=320.0)
+    axes[1].legend(loc="upper left")
+    return figure
+
+
+PICTURES = {
+    "laws": laws,
+    "laws_lever": balance,
+    "laws_loops": loops,
+    "laws_relaxing": relaxing,
+}
 
 
 def main(folder: Path) -> None:

@@ -159,7 +159,7 @@ BELOW = {
     "kernels": ("units", "errors"),
     "standards": ("units", "errors"),
     "signals": ("standards", "units", "errors"),
-    "model": ("kernels.laws", "signals", "standards", "units", "errors"),
+    "model": ("kernels.laws", "kernels.memory_laws", "signals", "standards", "units", "errors"),
     "analysis": ("model", "kernels", "signals", "standards", "units", "errors"),
     "output": ("analysis", "model", "kernels", "signals", "standards", "units", "errors"),
     "paper": ("output", "analysis", "model", "kernels", "units", "errors"),

@@ -7,11 +7,14 @@ import pytest
 import seatdyn as sd
 from seatdyn.model.seat_file import KINDS, list_seats, load_seat, save_seat
 from test_elements import LAWS
+from test_memory import LAWS as WITH_STATES
+
+ALL = {**LAWS, **WITH_STATES, "kelvin-voigt": (sd.KelvinVoigt(4e4, 300.0), None)}
 
 
-@pytest.mark.parametrize("name", [name for name in LAWS if name != "user"])
+@pytest.mark.parametrize("name", [name for name in ALL if name != "user"])
 def test_every_element_comes_back_from_a_file(name, tmp_path):
-    element = LAWS[name][0]
+    element = ALL[name][0]
     assert type(element).__name__ in KINDS
     seat = sd.Seat(31.5, [sd.Spring(9950.0, label='"soft" # 1'), element], title="a test")
     save_seat(seat, tmp_path / "seat.toml")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from seatdyn.analysis.run import Run, Samples
 from seatdyn.kernels import dense
 from seatdyn.kernels.columns import BREAKS, ELEMENTS, FIRST, ON_VELOCITY, SECOND, VALUE
+from seatdyn.model.system import BASE
 
 Array = NDArray[np.float64]
 WORST_RESIDUAL = 1e-4  # of the throughput, beyond which a result is not to be used
@@ -99,6 +100,13 @@ def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
             on_base = on_base - force.sum(1)
         if plant.channels[j, SECOND] < 0:
             on_base = on_base + force.sum(1)
+    first_with_states = plant.elements.shape[0]
+    for e, element in enumerate(system.memory_elements):
+        # what such an element stores counts as dissipated until it gives it back
+        force = samples.force[:, first_with_states + e]
+        ends = [linear.size if node == BASE else linear.index(node) for node in element.between]
+        dissipation = dissipation + force * (v[:, ends[1]] - v[:, ends[0]])
+        on_base = on_base + force * (float(ends[1] == linear.size) - float(ends[0] == linear.size))
     return on_base * samples.base[1], dissipation, feedback
 
 

@@ -8,24 +8,29 @@ from seatdyn.errors import ModelError
 from seatdyn.kernels.jit import law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.excitation import Motion
-from seatdyn.model.system import BASE, SeatSystem, refuse_delays
+from seatdyn.model.system import BASE, SeatSystem, refuse_delays, refuse_memory
 
 
-def lower(system: SeatSystem, motion: Motion, *, delays: bool = False) -> Plant:
+def lower(
+    system: SeatSystem, motion: Motion, *, delays: bool = False, memory: bool = False
+) -> Plant:
     """Arrays of a system under a base motion.
 
     With `delays` the caller adds delayed forces himself: linear ones are left out, and all
-    channels are listed as if they acted at once.
+    channels are listed as if they acted at once. With `memory` the caller adds elements with states
+    of their own himself.
 
     Raises
     ------
     ModelError
         A free node without mass.
     RequestError
-        Forces are delayed, and the caller has no place for them.
+        Forces are delayed, or elements have states, and the caller has no place for them.
     """
     if not delays:
         refuse_delays(system.delays)
+    if not memory:
+        refuse_memory(system)
     linear = system.linear.prompt
     n = linear.size
     masses = np.diag(linear.mass)

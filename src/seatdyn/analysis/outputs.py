@@ -56,7 +56,8 @@ def pair_name(pair: tuple[str, str]) -> str:
 
 def element_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
     """Force of every element in N, positive in tension, name -> (p,)."""
-    order = [element for channel in system.channels for element in channel.elements]
+    order: list[Element] = [e for channel in system.channels for e in channel.elements]
+    order += system.memory_elements
     column = {id(element): i for i, element in enumerate(order)}
     forces = {}
     for name, element in zip(unique_names(system.all_elements), system.all_elements, strict=True):
@@ -68,6 +69,17 @@ def element_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
         else:
             forces[name] = samples.force[:, column[id(element)]]
     return forces
+
+
+def state_names(system: SeatSystem) -> tuple[list[str], list[str]]:
+    """Names and units of the states of elements that have some."""
+    names = unique_names(system.memory_elements)
+    pairs = [
+        (f"{name}: {state}", unit)
+        for name, element in zip(names, system.memory_elements, strict=True)
+        for state, unit in element.states
+    ]
+    return [name for name, _ in pairs], [unit for _, unit in pairs]
 
 
 def suspension_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:

@@ -92,6 +92,8 @@ class Samples(NamedTuple):
     acceleration: Array  # (p, N)
     force: Array  # (p, e) of the non-linear elements, in the order of the channels
     elastic: Array  # (p, e) of the same at zero velocity
+    states: Array | None = None  # (p, q) of the elements that have some; their forces come last
+    outside: Array | None = None  # (p, l) forces on nodes
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class Problem:
     motion: Motion
     settings: Settings
     plant: Plant
-    ladder: Ladder
+    ladder: Ladder | None
     longest_step: float
 
     @classmethod

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.energy import energy_balance
+from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs, output_unit
 from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
 from seatdyn.analysis.stability import is_stable
@@ -42,6 +43,7 @@ HARMONICS = 20
 CLOSE = 1e-3  # relative change per period below which Newton may finish
 PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
+SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
 
 
@@ -90,7 +92,7 @@ def steady_state(
     check_request(system, excitation)
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     max_periods = round(number(max_periods, "max_periods", "", minimum=1.0, error=RequestError))
-    problem = Problem.make(system, excitation.motion, settings)
+    problem = problem_for(system, excitation, settings)
     orbit = find_orbit(problem, excitation, tolerance, max_periods)
     if orbit.status is Status.CONVERGED and orbit.run is not None:
         balance = energy_balance(orbit.run)
@@ -152,6 +154,7 @@ def find_orbit(
             "use Sine or a SineSum of commensurable frequencies, or `simulate`."
         )
     linear = all(is_affine(element) for element in problem.system.nonlinear_elements)
+    linear = linear and not problem.system.memory_elements
     if linear and not is_stable(problem.system, linearise="tangent"):
         return Orbit(Status.UNSTABLE, period)
     state = problem.start(initial_state(problem, excitation, "rest"))
@@ -203,7 +206,8 @@ def _scales(problem: Problem, run: Run) -> Array:
     n = problem.system.linear.size
     z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
     v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
-    return np.repeat([z, v], n)
+    states = np.abs(run.record[:, 2 * n + 1 : run.end.y.size + 1]).max(0)
+    return np.concatenate([np.repeat([z, v], n), np.maximum(states, SMALLEST_STATE)])
 
 
 def _change(problem: Problem, start: State, run: Run) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import seatdyn
 from seatdyn.analysis.energy import energy_balance
+from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import (
     across,
     body_force,
@@ -20,6 +21,7 @@ from seatdyn.analysis.outputs import (
     motion_of,
     pair_name,
     pairs,
+    state_names,
     suspension_forces,
 )
 from seatdyn.analysis.run import Problem, Run, Samples, Settings
@@ -70,7 +72,8 @@ def simulate(
     -------
     xarray.Dataset
         displacement, velocity, acceleration (node, time); relative_displacement (pair, time);
-        element_force (element, time); suspension_force, body_force, base_displacement,
+        element_force (element, time); internal_state (state, time) of elements that have some;
+        suspension_force, body_force, base_displacement,
         base_velocity, base_acceleration (time). Attributes: status, message, energy_residual, ...
 
     Raises
@@ -140,7 +143,7 @@ def run_for(
             f"{duration / output_step:.3g} points; at most {MOST_POINTS:.0e} are allowed. "
             "Shorten the run or lengthen output_step."
         )
-    problem = Problem.make(system, excitation.motion, settings)
+    problem = problem_for(system, excitation, settings)
     rows_per_step = 2 if problem.uses_ladder else 1  # of the ladder: two halves, a row each
     rows = rows_per_step * duration / problem.longest_step
     if rows > settings.max_steps:
@@ -338,15 +341,21 @@ def to_dataset(system: SeatSystem, samples: Samples) -> xr.Dataset:
         "base_velocity": (("time",), samples.base[1], unit("m/s")),
         "base_acceleration": (("time",), samples.base[2], unit("m/s2")),
     }
-    return xr.Dataset(
-        variables,
-        coords={
-            "time": ("time", samples.time, unit("s")),
-            "node": list(nodes),
-            "pair": [pair_name(pair) for pair in couples],
-            "element": list(forces),
-        },
-    )
+    coords: dict[str, Any] = {
+        "time": ("time", samples.time, unit("s")),
+        "node": list(nodes),
+        "pair": [pair_name(pair) for pair in couples],
+        "element": list(forces),
+    }
+    if samples.states is not None:
+        names, units = state_names(system)
+        variables["internal_state"] = (
+            ("state", "time"),
+            samples.states.T,
+            {"units": "see state_unit"},
+        )
+        coords |= {"state": names, "state_unit": ("state", units)}
+    return xr.Dataset(variables, coords=coords)
 
 
 def run_attributes(run: Run, system: SeatSystem, excitation: Excitation) -> dict[str, Any]:

@@ -24,6 +24,10 @@ from numba import types
 logger = logging.getLogger("seatdyn")
 
 LAW = types.float64(types.float64, types.float64, types.CPointer(types.float64))
+MEMORY_FORCE = types.float64(
+    types.float64, types.float64, types.CPointer(types.float64), types.CPointer(types.float64)
+)
+MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
 COMPILE_HINT_AFTER = 1.0  # s; a cached start is over by then
 
 
@@ -105,12 +109,12 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 @functools.cache
-def compiled_law(function: Callable[[float, float, Any], float], name: str) -> Any:
+def compiled_law(function: Callable[..., Any], name: str, signature: Any = LAW) -> Any:
     """Compile a force law F(d, v, p) to a C function; `address` of the result is its address."""
     from seatdyn.errors import ModelError
 
     def make(f: Callable[..., Any], *, cache: bool) -> Any:
-        return numba.cfunc(LAW, cache=cache, error_model="numpy")(f)
+        return numba.cfunc(signature, cache=cache, error_model="numpy")(f)
 
     try:
         return _compile(make, function)
@@ -147,9 +151,9 @@ def levered(
     return law
 
 
-def law_address(function: Callable[[float, float, Any], float], name: str) -> int:
+def law_address(function: Callable[..., Any], name: str, signature: Any = LAW) -> int:
     """Address of the compiled force law."""
-    return int(compiled_law(function, name).address)
+    return int(compiled_law(function, name, signature).address)
 
 
 def _say() -> None:

@@ -1,13 +1,17 @@
-"""Magnetorheological dampers at a constant current."""
+"""Magnetorheological dampers at a constant current or voltage."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
-from seatdyn.kernels import laws
+from seatdyn.kernels import laws, memory_laws
 from seatdyn.model.elements import Break, Law, NonlinearElement
 from seatdyn.model.friction import SIGN_SLOPE, SLOPE, no_tangent
-from seatdyn.units import DAMPING, FORCE, STIFFNESS, either_sign, quantity
+from seatdyn.model.memory import MemoryElement, MemoryLaw
+from seatdyn.units import DAMPING, FORCE, LENGTH, STIFFNESS, either_sign, number, quantity
+
+VOLTAGE = 2.25  # V, the largest of Spencer's tests
 
 
 @dataclass(frozen=True)
@@ -81,3 +85,79 @@ class TanhDamper(NonlinearElement):
         if self.width > 0.0 and self.height > 0.0:
             raise no_tangent(self, "it jumps at d = 0")
         return (self.stiffness, self.viscous + self.height * self.sharpness)
+
+
+@dataclass(frozen=True)
+class SpencerDamper(MemoryElement):
+    """Phenomenological model (Spencer et al. 1997, J. Eng. Mech. 123:230-238).
+
+    F = c1 dy/dt + k1 (d - x0), dy/dt = (alpha z + c0 v + k0 (d - y))/(c0 + c1),
+    dz/dt = A u - gamma |u| |z|^(n-1) z - beta u |z|^n with u = v - dy/dt: a damper c1, which rolls
+    off the force at low speed, in series with a Bouc-Wen element, and the gas accumulator k1
+    beside them.
+
+    Parameters
+    ----------
+    alpha : N/m, 0 .. 1e12
+    c0, c1 : N s/m, 0 .. 1e9; c1 greater than 0
+    k0, k1 : N/m, 0 .. 1e12
+    x0 : m, within +-1000
+    gamma, beta : m^-n, gamma 1e-9 .. 1e15, beta within +-1e15
+    scale : A, 1e-6 .. 1e6
+    exponent : n, 1 .. 10
+    """
+
+    states: ClassVar = (("dashpot", "m"), ("z", "m"))
+    alpha: float = quantity("N/m", **STIFFNESS)
+    c0: float = quantity("N s/m", **DAMPING)
+    c1: float = quantity("N s/m", minimum=1e-9, maximum=DAMPING["maximum"])
+    k0: float = quantity("N/m", **STIFFNESS)
+    k1: float = quantity("N/m", **STIFFNESS)
+    x0: float = quantity("m", **either_sign(LENGTH))
+    gamma: float = quantity("1/m^n", minimum=1e-9, maximum=1e15)
+    beta: float = quantity("1/m^n", minimum=-1e15, maximum=1e15)
+    scale: float = quantity("", minimum=1e-6, maximum=1e6)
+    exponent: float = quantity("", minimum=1.0, maximum=10.0)
+
+    @classmethod
+    def spencer1997(cls, voltage: float) -> SpencerDamper:
+        """The damper of the 1997 paper, of the 3 kN class and no seat's, at a constant voltage.
+
+        Parameters
+        ----------
+        voltage : V, 0 .. 2.25
+
+        Examples
+        --------
+        >>> import seatdyn as sd
+        >>> sd.SpencerDamper.spencer1997(voltage=1.5).c0
+        2625.0
+        """
+        u = number(voltage, "voltage", "V", minimum=0.0, maximum=VOLTAGE)
+        return cls(
+            alpha=14000.0 + 69500.0 * u,
+            c0=2100.0 + 350.0 * u,
+            c1=28300.0 + 295.0 * u,
+            k0=4690.0,
+            k1=500.0,
+            x0=0.143,
+            gamma=3.63e6,
+            beta=3.63e6,
+            scale=301.0,
+            exponent=2.0,
+        )
+
+    def lower(self) -> MemoryLaw:
+        """The law; its rates have kinks where the slip changes its direction."""
+        linear = (self.alpha, self.c0, self.c1, self.k0, self.k1, self.x0)
+        size = (self.scale / self.gamma) ** (1.0 / self.exponent)
+        return MemoryLaw(
+            memory_laws.spencer_force,
+            memory_laws.spencer_rate,
+            (*linear, self.scale, self.beta, self.gamma, self.exponent),
+            (1e-3, size),
+        )
+
+    def settled(self, d: float) -> tuple[float, ...]:
+        """The dashpot has given way."""
+        return (d, 0.0)

@@ -28,6 +28,7 @@ from typing import Any
 
 from seatdyn.errors import ModelError
 from seatdyn.model.contact import ContactStop
+from seatdyn.model.cushion import KelvinVoigt, Zener
 from seatdyn.model.dampers import BalanceDamper, PowerDamper
 from seatdyn.model.elements import (
     AsymmetricDamper,
@@ -43,10 +44,12 @@ from seatdyn.model.elements import (
     TangentPolynomialSpring,
 )
 from seatdyn.model.friction import StribeckFriction
+from seatdyn.model.hysteresis import BoucWen, DahlFriction, LuGreFriction
 from seatdyn.model.lever import Lever, ScissorLever
-from seatdyn.model.magnetorheological import BinghamDamper, TanhDamper
+from seatdyn.model.magnetorheological import BinghamDamper, SpencerDamper, TanhDamper
 from seatdyn.model.seat import Seat
-from seatdyn.model.springs import AirSpring, ThreeSpring
+from seatdyn.model.semi_active import MRDamper, SemiActiveDamper
+from seatdyn.model.springs import AirSpring, AirSpringWithTank, ThreeSpring
 from seatdyn.model.tables import TableDamper, TableSpring
 from seatdyn.units import in_unit, suggestion
 
@@ -56,7 +59,8 @@ KINDS: dict[str, type[Element]] = {
         *(Spring, Damper, QuadraticDamper, CoulombFriction, PiecewiseSpring, EndStop, Preload),
         *(TangentPolynomialSpring, PolynomialDamper, AsymmetricDamper, TableSpring, TableDamper),
         *(StribeckFriction, ContactStop, AirSpring, ThreeSpring, PowerDamper, BalanceDamper),
-        *(BinghamDamper, TanhDamper, Lever, ScissorLever),
+        *(BinghamDamper, TanhDamper, Lever, ScissorLever, KelvinVoigt, Zener, AirSpringWithTank),
+        *(DahlFriction, LuGreFriction, BoucWen, SpencerDamper, SemiActiveDamper, MRDamper),
     )
 }
 ELEMENT_LISTS = ("suspension",)  # fields of a seat

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels import laws
+from seatdyn.kernels import laws, memory_laws
 from seatdyn.model.elements import Law, NonlinearElement
+from seatdyn.model.memory import MemoryElement, MemoryLaw
 from seatdyn.units import LENGTH, STIFFNESS, Limits, number, quantity
 
 ATMOSPHERE = 101325.0  # Pa, standard atmosphere
@@ -75,6 +77,54 @@ class AirSpring(NonlinearElement):
         """Stiffness n p0 A^2/V - (p0 - pa) A'."""
         gas = self.exponent * self.pressure * self.area**2 / self.volume
         return (gas - (self.pressure - self.ambient) * self.area_slope, 0.0)
+
+
+@dataclass(frozen=True)
+class AirSpringWithTank(MemoryElement):
+    """Air spring whose bellows breathes through a restriction into a tank.
+
+    Pressures p_b = p0 ((1 - s) V_b/(V_b + A d))^n and p_t = p0 (1 + s V_b/V_t)^n, s the share of
+    the bellows' air that went over, V_b ds/dt = (p_b - p_t)/R. F = (p0 - p_b) A beside the load
+    (p0 - pa) A. For small motions, with C = V/(n p0), its stiffness is
+    A^2 (1 + i w R C_t)/(C_b + C_t + i w R C_b C_t): from n p0 A^2/(V_b + V_t) (slow) to
+    n p0 A^2/V_b (fast), with damping between.
+
+    Parameters
+    ----------
+    pressure : p0 at d = 0 in Pa, absolute, 1e3 .. 1e9
+    area : effective area A in m2, 1e-9 .. 1e3
+    volume : V_b of the bellows at d = 0 in m3, 1e-12 .. 1e3
+    tank : V_t in m3, 1e-12 .. 1e3
+    restriction : R in Pa s/m3, 1e-3 .. 1e15
+    exponent : n, 1 (slow, isothermal) .. 1.7; 1.4 is adiabatic for air
+    ambient : pa in Pa, absolute, 0 .. 1e9
+    """
+
+    states: ClassVar = (("share in the tank", ""),)
+    pressure: float = quantity("Pa", **PRESSURE)
+    area: float = quantity("m2", **AREA)
+    volume: float = quantity("m3", **VOLUME)
+    tank: float = quantity("m3", **VOLUME)
+    restriction: float = quantity("Pa s/m3", minimum=1e-3, maximum=1e15)
+    exponent: float = quantity("", minimum=1.0, maximum=1.7)
+    ambient: float = quantity("Pa", default=ATMOSPHERE, minimum=0.0, maximum=1e9)
+
+    @property
+    def load(self) -> float:
+        """Weight in N that it bears at d = 0: (p0 - pa) A."""
+        return (self.pressure - self.ambient) * self.area
+
+    def lower(self) -> MemoryLaw:
+        """The law, smooth."""
+        gas = (self.pressure, self.ambient, self.area, self.volume, self.tank, self.exponent)
+        scale = (1e-3 * self.area / self.volume,)  # a millimetre of travel
+        parameters = (*gas, self.restriction)
+        return MemoryLaw(memory_laws.tank_force, memory_laws.tank_rate, parameters, scale)
+
+    def settled(self, d: float) -> tuple[float, ...]:
+        """Equal pressures: (1 - s)/(1 + A d/V_b) = 1 + s V_b/V_t."""
+        grown = self.area * d / self.volume
+        return (-grown / (1.0 + (1.0 + grown) * self.volume / self.tank),)
 
 
 @dataclass(frozen=True)

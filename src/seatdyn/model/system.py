@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from seatdyn.errors import ModelError, RequestError
 from seatdyn.model.body import SEAT, SeatedBody
 from seatdyn.model.elements import Element, LinearElement, NonlinearElement
+from seatdyn.model.memory import MemoryElement
 from seatdyn.model.seat import Seat
 from seatdyn.units import suggestion
 
@@ -239,6 +240,11 @@ class SeatSystem:
         """Elements with a force law of their own, in the order given."""
         return tuple(e for e in self.all_elements if isinstance(e, NonlinearElement))
 
+    @property
+    def memory_elements(self) -> tuple[MemoryElement, ...]:
+        """Elements with states of their own, in the order given."""
+        return tuple(e for e in self.all_elements if isinstance(e, MemoryElement))
+
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """Non-linear elements gathered by the pair of nodes that they act across, and by delay."""
@@ -375,4 +381,14 @@ def refuse_delays(delays: tuple[float, ...]) -> None:
             f"This analysis does not take delayed forces into account, and forces of this system "
             f"act {times} late. Use poles, frequency_response, is_stable, stability_map, "
             "stability_boundary, delay_margin, simulate or steady_state; or set the delay to 0."
+        )
+
+
+def refuse_memory(system: SeatSystem) -> None:
+    """Raise a RequestError that names the elements with states of their own, if there are any."""
+    names = [element.name for element in system.memory_elements]
+    if names:
+        raise RequestError(
+            "This analysis does not know elements with states of their own, such as "
+            f"{', '.join(names)} here. Use simulate, or steady_state by time integration."
         )

@@ -1,0 +1,238 @@
+"""Time runs of systems whose elements have states of their own, or with forces on their nodes.
+
+The exact steps of the linear part (`ladder`) know motion only, so that such runs are made by
+Dormand-Prince steps that carry the states along. Everything else asks a `Problem` and its `Run`,
+and does not see the difference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.lowering import lower
+from seatdyn.analysis.run import (
+    LONGEST_LADDER_STEP,
+    PIECE,
+    SHARE_OF_INPUT,
+    STATUS,
+    Problem,
+    Run,
+    Samples,
+    Settings,
+    State,
+    interruptible,
+)
+from seatdyn.errors import RequestError
+from seatdyn.kernels import hysteretic, integrate
+from seatdyn.kernels.columns import (
+    BREAKS,
+    FIRST,
+    IS_JUMP,
+    ON_DISPLACEMENT,
+    ON_VELOCITY,
+    SECOND,
+    VALUE,
+)
+from seatdyn.kernels.hysteretic import Memory
+from seatdyn.kernels.jit import MEMORY_FORCE, MEMORY_RATE, CompileNotice, law_address
+from seatdyn.kernels.plant import Plant
+from seatdyn.model.excitation import Excitation, Motion
+from seatdyn.model.system import BASE, SeatSystem
+
+Array = NDArray[np.float64]
+
+
+def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) -> Problem:
+    """The problem of a system under an excitation, with the engine that it needs.
+
+    Raises
+    ------
+    RequestError
+        Delays beside elements with states of their own.
+    """
+    if not system.memory_elements:
+        return Problem.make(system, excitation.motion, settings)
+    if system.delays:
+        names = ", ".join(element.name for element in system.memory_elements)
+        raise RequestError(
+            f"Elements with states of their own ({names}) have no delay beside them yet, and "
+            f"forces of this system act {system.delays[0]:g} s late. Set the delay to 0."
+        )
+    return HystereticProblem.make(system, excitation.motion, settings)
+
+
+@dataclass(frozen=True)
+class HystereticRun(Run):
+    """A run whose record has the states beside the motion."""
+
+    def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
+        """The solution at `share` of the steps `index`."""
+        problem = self.problem
+        assert isinstance(problem, HystereticProblem)
+        share = np.ascontiguousarray(share, dtype=float)
+        index = np.ascontiguousarray(index, dtype=np.int64)
+        with CompileNotice():
+            arrays = hysteretic.sample(
+                problem.plant, problem.memory, self.record, self.marks, index, share
+            )
+        return Samples(*arrays)
+
+
+@dataclass(frozen=True)
+class HystereticProblem(Problem):
+    """A system with states beside its motion, lowered once."""
+
+    memory: Memory
+    state_scale: Array
+
+    @classmethod
+    def make(cls, system: SeatSystem, motion: Motion, settings: Settings) -> Problem:
+        """Lower `system` and `motion`.
+
+        Raises
+        ------
+        RequestError
+            A force that jumps with the velocity.
+        """
+        plant = lower(system, motion, memory=True)
+        memory, scale = lower_memory(system, plant)
+        longest = min(motion.longest_step, LONGEST_LADDER_STEP)
+        return cls(system, motion, settings, plant, None, longest, memory, scale)
+
+    @property
+    def uses_ladder(self) -> bool:
+        """Never."""
+        return False
+
+    def start(self, y: Array) -> State:
+        """A state of motion (2N,), elements settled there; or motion and states."""
+        y = np.array(y, dtype=float)
+        if y.size == 2 * self.system.linear.size:
+            y = np.concatenate([y, self._settled(y)])
+        sides = np.zeros(self.memory.edges.shape[0], dtype=np.int64)
+        return State(y, sides, np.zeros(0, dtype=np.int64))
+
+    def _settled(self, y: Array) -> Array:
+        motion = dict(zip(self.system.linear.nodes, y, strict=False))
+        motion[BASE] = float(self.motion.evaluate(0.0))
+        states: list[float] = []
+        for element in self.system.memory_elements:
+            first, second = element.between
+            states += element.settled(motion[second] - motion[first])
+        return np.array(states)
+
+    def run(
+        self,
+        t0: float,
+        t1: float,
+        start: State,
+        progress: Callable[[float], None] | None = None,
+    ) -> Run:
+        """Integrate from t0 to t1 (s); `progress` is called with the share done."""
+        settings, n = self.settings, self.system.linear.size
+        pieces = max(1, math.ceil((t1 - t0) / PIECE))
+        records, marks = [], []
+        events, steps, state, code = 0, 0, start, integrate.OK
+        floor = np.repeat(self.floor, n)
+        scale = np.concatenate([floor, SHARE_OF_INPUT * self.state_scale])
+        stops = np.unique(np.concatenate([self.motion.starts, self.memory.waves[:, 1]]))
+        times = np.linspace(t0, t1, pieces + 1)
+        for begin, stop in pairwise(times):
+            with CompileNotice(), interruptible():
+                code, count, side, record, mark = hysteretic.integrate(
+                    self.plant,
+                    self.memory,
+                    float(begin),
+                    float(stop),
+                    state.y,
+                    state.side,
+                    stops,
+                    settings.rtol,
+                    scale,
+                    self.longest_step,
+                    settings.max_steps - steps,
+                    settings.max_events_per_second,
+                )
+            state = State(record[-1, 1:].copy(), side, state.held)
+            events += count
+            steps += record.shape[0] - 1
+            records.append(record)
+            marks.append(mark)
+            if code != integrate.OK:
+                break
+            if progress is not None:
+                progress((stop - t0) / (t1 - t0))
+        joined = np.concatenate([*(r[:-1] for r in records), records[-1][-1:]])
+        joined_marks = np.concatenate([*(m[:-1] for m in marks), marks[-1][-1:]])
+        return HystereticRun(self, STATUS[code], events, joined, joined_marks, state)
+
+
+def lower_memory(system: SeatSystem, plant: Plant) -> tuple[Memory, Array]:
+    """Arrays of the elements with states, and the size of each state."""
+    elements = system.memory_elements
+    sticking = (plant.breaks[:, IS_JUMP] == 1) & (plant.breaks[:, ON_DISPLACEMENT] == 0.0)
+    if np.any(sticking):
+        names = ", ".join(element.name for element in elements)
+        raise RequestError(
+            "A force that jumps with the velocity (dry friction) cannot stick beside elements "
+            f"with states of their own ({names}). Use its smooth form, or LuGreFriction."
+        )
+    laws = [element.lower() for element in elements]
+    n = plant.linear.shape[0]
+    inverse = np.linalg.inv(system.linear.mass)
+
+    def index(node: str) -> int:
+        return -1 if node == BASE else system.linear.index(node)
+
+    nodes = np.array([[index(node) for node in element.between] for element in elements])
+    incidence = np.zeros((n, len(elements)))
+    for column, (first, second) in enumerate(nodes):
+        if first >= 0:
+            incidence[first, column] -= 1.0
+        if second >= 0:
+            incidence[second, column] += 1.0
+    rows = [
+        (law_address(law.force, element.name, MEMORY_FORCE),
+         law_address(law.rate, element.name, MEMORY_RATE))
+        for law, element in zip(laws, elements, strict=True)
+    ]  # fmt: skip
+    begins = np.column_stack(
+        [_starts([law.parameters for law in laws]), _starts([law.scale for law in laws])]
+    )
+    edges = _edges(plant)
+    for law, pair in zip(laws, nodes, strict=True):
+        edges += [(*pair, b.displacement, b.velocity, b.value) for b in law.breaks]
+    memory = Memory(
+        nodes=nodes.astype(np.int64).reshape(-1, 2),
+        laws=np.column_stack([np.array([*rows, (0, 0)], dtype=np.int64), begins]),
+        parameters=np.array([*(p for law in laws for p in law.parameters), 0.0]),
+        pull=np.ascontiguousarray(inverse @ incidence),
+        edges=np.array(edges, dtype=float).reshape(-1, 5),
+        push=np.zeros((n, 0)),
+        waves=np.zeros((0, 11)),
+        sines=np.zeros((0, 4)),
+    )
+    return memory, np.array([size for law in laws for size in law.scale])
+
+
+def _edges(plant: Plant) -> list[tuple[float, ...]]:
+    """The breaks of the plant's laws with their nodes, in its order."""
+    return [
+        (
+            *plant.channels[j, [FIRST, SECOND]],
+            *plant.breaks[r, [ON_DISPLACEMENT, ON_VELOCITY]],
+            plant.breaks[r, VALUE],
+        )
+        for j in range(plant.gain.shape[0])
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS])
+    ]
+
+
+def _starts(lists: list[tuple[float, ...]]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum([len(items) for items in lists])]).astype(np.int64)

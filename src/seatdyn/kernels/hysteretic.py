@@ -1,0 +1,491 @@
+"""A run of a system whose elements have states of their own, or on which outside forces act.
+
+Dormand-Prince 5(4) steps carry the motion and the states together. Steps end where a law breaks, at
+segments of the input and of the forces, and at the end of the run. The solution inside a step is
+one shorter step from its start, so that nothing but the states at the ends is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from seatdyn.kernels.call import call_law
+from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
+from seatdyn.kernels.jit import allocating, inner, kernel
+from seatdyn.kernels.plant import base_motion, free_accelerations, on_side, relative, segment_at
+from seatdyn.kernels.runge_kutta import A, C, E
+
+OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)  # as in `integrate`
+LARGEST = 1e9  # m, m/s: no seat moves that far
+FIRST_STEP = 1e-4  # s
+SHORTEST = 4e-16  # of the time: rounding
+ON_BREAK = 1e-12  # of the motion: being on a break
+PROBES = 12  # points of a step at which a crossing is looked for
+REFINEMENTS = 60
+FIRST, SECOND, ON_D, ON_V, VALUE = range(5)  # columns of `edges`
+FORCE, RATE, PARAMETERS, STATES = range(4)  # columns of `laws`
+
+
+class Memory(NamedTuple):
+    """Elements with states, their breaks and those of the plant, and forces on nodes.
+
+    N nodes, e elements, q states, l forces. A break is a line p d + q v = value; those of the plant
+    come first, in its order.
+    """
+
+    nodes: np.ndarray  # (e, 2) int: first and second node, -1 for the base
+    laws: np.ndarray  # (e+1, 4) int: addresses of force and rate, begin of parameters and states
+    parameters: np.ndarray
+    pull: np.ndarray  # (N, e) acceleration lost per unit force of an element
+    edges: np.ndarray  # (b, 5) first, second node, p, q, value
+    push: np.ndarray  # (N, l) acceleration per unit outside force
+    waves: np.ndarray  # (k, 11) force, start, polynomial (6), sine: amplitude, omega, phase
+    sines: np.ndarray  # (n, 4) force, amplitude, omega, phase
+
+
+class Space(NamedTuple):
+    """Scratch of a run."""
+
+    motion: np.ndarray  # (2N,)
+    acceleration: np.ndarray  # (N,)
+    force: np.ndarray  # (m,) of the channels
+    k: np.ndarray  # (7, 2N+q) rates at the stages
+    active: np.ndarray  # (l,) int: the segment of each outside force
+
+
+@intrinsic
+def call_memory_force(typingctx, address, d, v, y, state, parameters, offset):
+    """Force of the C function at `address`, states from y[state], parameters from [offset]."""
+    real, whole = types.float64, types.int64
+    signature = real(whole, real, real, y, whole, parameters, whole)
+
+    def codegen(context, builder, sig, args):
+        double, pointer = ir.DoubleType(), ir.DoubleType().as_pointer()
+        law = builder.inttoptr(
+            args[0], ir.FunctionType(double, [double, double, pointer, pointer]).as_pointer()
+        )
+        states = context.make_array(sig.args[3])(context, builder, args[3]).data
+        data = context.make_array(sig.args[5])(context, builder, args[5]).data
+        return builder.call(
+            law, [args[1], args[2], builder.gep(states, [args[4]]), builder.gep(data, [args[6]])]
+        )
+
+    return signature, codegen
+
+
+@intrinsic
+def call_memory_rate(typingctx, address, d, v, w, a, y, state, parameters, offset, out):
+    """Rates of the C function at `address`, written to out[state] and what follows."""
+    real, whole = types.float64, types.int64
+    signature = types.void(whole, real, real, real, real, y, whole, parameters, whole, out)
+
+    def codegen(context, builder, sig, args):
+        double, pointer = ir.DoubleType(), ir.DoubleType().as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double] * 4 + [pointer] * 3)
+        law = builder.inttoptr(args[0], kind.as_pointer())
+        states = context.make_array(sig.args[5])(context, builder, args[5]).data
+        data = context.make_array(sig.args[7])(context, builder, args[7]).data
+        rates = context.make_array(sig.args[9])(context, builder, args[9]).data
+        builder.call(
+            law,
+            [
+                *args[1:5],
+                builder.gep(states, [args[6]]),
+                builder.gep(data, [args[8]]),
+                builder.gep(rates, [args[6]]),
+            ],
+        )
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@inner
+def outside_force(memory, t, number, row):
+    """Outside force `number` at time t, N, on its segment `row`."""
+    total = 0.0
+    for i in range(memory.sines.shape[0]):
+        if memory.sines[i, 0] == number:
+            angle = memory.sines[i, 2] * t + memory.sines[i, 3]
+            total += memory.sines[i, 1] * math.sin(angle)
+    p = memory.waves
+    tau = t - p[row, 1]
+    polynomial = 0.0
+    for power in range(7, 1, -1):
+        polynomial = polynomial * tau + p[row, power]
+    return total + polynomial + p[row, 8] * math.sin(p[row, 9] * tau + p[row, 10])
+
+
+@inner
+def find_segments(memory, t, active):
+    """Segment of every outside force at time t."""
+    for row in range(memory.waves.shape[0]):
+        if memory.waves[row, 1] <= t:
+            active[int(memory.waves[row, 0])] = row
+
+
+@inner
+def across(first, second, y, n, base):
+    """Displacement, velocity across two nodes, and absolute velocity of the second."""
+    d = (y[second] if second >= 0 else base[0]) - (y[first] if first >= 0 else base[0])
+    w = y[n + second] if second >= 0 else base[1]
+    return d, w - (y[n + first] if first >= 0 else base[1]), w
+
+
+@inner
+def rates(plant, memory, t, segment, y, side, space, out):
+    """Fill the rates (2N+q,) of the state y = [z, z', states] at time t."""
+    n = space.acceleration.size
+    acceleration = space.acceleration
+    base = base_motion(plant, t, segment)
+    for i in range(2 * n):
+        space.motion[i] = y[i]
+    free_accelerations(plant, base, space.motion, side, acceleration, space.force)
+    for e in range(memory.nodes.shape[0]):
+        d, v, _ = across(memory.nodes[e, 0], memory.nodes[e, 1], y, n, base)
+        force = call_memory_force(
+            memory.laws[e, FORCE], d, v, y, 2 * n + memory.laws[e, STATES],
+            memory.parameters, memory.laws[e, PARAMETERS],
+        )  # fmt: skip
+        for i in range(n):
+            acceleration[i] -= memory.pull[i, e] * force
+    for f in range(memory.push.shape[1]):
+        force = outside_force(memory, t, f, space.active[f])
+        for i in range(n):
+            acceleration[i] += memory.push[i, f] * force
+    for i in range(n):
+        out[i] = y[n + i]
+        out[n + i] = acceleration[i]
+    for e in range(memory.nodes.shape[0]):
+        second = memory.nodes[e, 1]
+        d, v, w = across(memory.nodes[e, 0], second, y, n, base)
+        a = acceleration[second] if second >= 0 else base[2]
+        call_memory_rate(
+            memory.laws[e, RATE], d, v, w, a, y, 2 * n + memory.laws[e, STATES],
+            memory.parameters, memory.laws[e, PARAMETERS], out,
+        )  # fmt: skip
+
+
+@inner
+def step(plant, memory, t, h, segment, y, side, space, y1):
+    """One step from y to y1; the first row of space.k is set, the others are filled."""
+    k = space.k
+    for s in range(1, 7):
+        for i in range(y.size):
+            total = 0.0
+            for q in range(s):
+                total += A[s, q] * k[q, i]
+            y1[i] = y[i] + h * total
+        rates(plant, memory, t + C[s] * h, segment, y1, side, space, k[s])
+
+
+@inner
+def error_of(h, k, tolerance):
+    """Largest estimated error over its tolerance."""
+    worst = 0.0
+    for i in range(k.shape[1]):
+        total = 0.0
+        for s in range(7):
+            total += E[s] * k[s, i]
+        ratio = abs(h * total) / tolerance[i]
+        if not ratio <= worst:  # a nan counts as the worst
+            worst = ratio
+    return worst
+
+
+@inner
+def distance(plant, memory, r, t, segment, y, rate, n, side):
+    """Distance to break r, positive on our side, and its rate."""
+    edges = memory.edges
+    base = base_motion(plant, t, segment)
+    first, second = int(edges[r, FIRST]), int(edges[r, SECOND])
+    d, v, _ = across(first, second, y, n, base)
+    a = rate[n + second] if second >= 0 else base[2]
+    a -= rate[n + first] if first >= 0 else base[2]
+    p, q, s = edges[r, ON_D], edges[r, ON_V], side[r]
+    return s * (p * d + q * v - edges[r, VALUE]), s * (p * v + q * a)
+
+
+@inner
+def first_zero(h, g0, s0, g1, s1, tolerance):
+    """Share of the step at which the cubic through the ends first falls below zero, or 2.
+
+    0 where it leaves at once; the cubic is looked at in a few points.
+    """
+    m0, m1, rise = h * s0, h * s1, g1 - g0
+    if g0 <= tolerance and s0 <= 0.0:
+        return 0.0 if g1 < -tolerance else 2.0
+    before = 0.0
+    inside = g0 > tolerance
+    for i in range(1, PROBES + 1):
+        s = i / PROBES
+        g = g0 + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
+        if g < -tolerance and inside:
+            for _ in range(REFINEMENTS):
+                middle = 0.5 * (before + s)
+                x = middle
+                g = g0 + x * (m0 + x * (3 * rise - 2 * m0 - m1 + x * (m0 + m1 - 2 * rise)))
+                if g > 0.0:
+                    before = middle
+                else:
+                    s = middle
+            return s
+        if g > tolerance:
+            inside, before = True, s
+    return 2.0 if g1 >= -tolerance else 0.5 / PROBES
+
+
+@inner
+def first_break(plant, memory, t, h, segment, y, y1, k, n, side, tolerance):
+    """Break that is met first in a step and the share of the step, 2 for none."""
+    best, row = 2.0, -1
+    for r in range(side.size):
+        g0, s0 = distance(plant, memory, r, t, segment, y, k[0], n, side)
+        g1, s1 = distance(plant, memory, r, t + h, segment, y1, k[6], n, side)
+        if g1 >= 0.0 and not s0 < 0.0 < s1:
+            continue
+        share = first_zero(h, g0, s0, g1, s1, tolerance[r])
+        if share < best:
+            best, row = share, r
+    return best, row
+
+
+@inner
+def land(plant, memory, t, h, segment, y, side, space, y1, row, share, tolerance):
+    """Take the shorter step that ends on break `row`; returns its size."""
+    n = space.acceleration.size
+    low, high = 0.0, h
+    trial = share * h
+    for _ in range(REFINEMENTS):
+        step(plant, memory, t, trial, segment, y, side, space, y1)
+        g, slope = distance(plant, memory, row, t + trial, segment, y1, space.k[6], n, side)
+        if abs(g) <= tolerance or high - low <= SHORTEST * max(abs(t), 1e-3):
+            break
+        if g > 0.0:
+            low = trial
+        else:
+            high = trial
+        following = trial - g / slope if slope != 0.0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        trial = following
+    return trial
+
+
+@inner
+def sides_of(plant, memory, t, segment, y, rate, n, side):
+    """Sides of the state: by value, by rate, else towards the middle."""
+    for r in range(side.size):
+        if side[r] != 0:
+            continue
+        side[r] = 1
+        g, slope = distance(plant, memory, r, t, segment, y, rate, n, side)
+        if g == 0.0:
+            g = slope
+        if g == 0.0:
+            g = -memory.edges[r, VALUE]
+        side[r] = 1 if g > 0.0 else -1
+
+
+@kernel
+def integrate(
+    plant, memory, t0, t1, y0, start_side, stops, rtol, scale, h_max, max_steps, max_rate
+):
+    """Integrate from t0 to t1.
+
+    scale : (2N+q,) sizes that errors are relative to; updated in place as the motion grows
+    stops : times that no step may reach over
+
+    Returns status, events, sides at the end, a row of [t, state] and of sides per step, last the
+    end.
+    """
+    size, n = y0.size, plant.linear.shape[0]
+    space = Space(
+        np.empty(2 * n), np.empty(n), np.zeros(plant.gain.shape[0]), np.empty((7, size)),
+        np.zeros(memory.push.shape[1], dtype=np.int64),
+    )  # fmt: skip
+    k, y, y1, side = space.k, y0.copy(), np.empty(size), start_side.copy()
+    tolerance, on_break = np.empty(size), np.empty(side.size)
+    record, marks = np.empty((256, size + 1)), np.empty((256, side.size), dtype=np.int64)
+    t, h, steps, events, flips, status = t0, FIRST_STEP, 0, 0, 0, OK
+    window, in_window = t0, 0
+    next_stop, fresh = 0, True
+    segment = segment_at(plant, t)
+    last_error = 1.0
+    while t < t1:
+        if steps >= max_steps:
+            status = STEP_LIMIT
+            break
+        while next_stop < stops.size and stops[next_stop] <= t:
+            next_stop += 1
+            fresh = True
+        stop = min(t1, stops[next_stop]) if next_stop < stops.size else t1
+        if fresh:
+            segment = segment_at(plant, t)
+            find_segments(memory, t, space.active)
+            rates(plant, memory, t, segment, y, side, space, k[0])
+            sides_of(plant, memory, t, segment, y, k[0], n, side)
+            rates(plant, memory, t, segment, y, side, space, k[0])
+            fresh = False
+        for i in range(size):
+            scale[i] = max(scale[i], abs(y[i]))
+        largest = 0.0
+        for i in range(2 * n):
+            largest = max(largest, abs(y[i]))
+        if not largest < LARGEST:
+            status = DIVERGED
+            break
+        for i in range(size):  # one size for all displacements, one for all velocities
+            own = scale[i]
+            if i < 2 * n:
+                begin = 0 if i < n else n
+                for j in range(begin, begin + n):
+                    own = max(own, scale[j])
+            tolerance[i] = rtol * own
+        for r in range(side.size):
+            p, q = memory.edges[r, ON_D], memory.edges[r, ON_V]
+            motion = abs(p) * tolerance[0] + abs(q) * tolerance[n]
+            on_break[r] = ON_BREAK * (motion / rtol + abs(memory.edges[r, VALUE]))
+
+        wanted = min(h, h_max)
+        h = min(wanted, stop - t)
+        if h < SHORTEST * max(abs(t), 1e-3):
+            status = STEP_TOO_SMALL
+            break
+        step(plant, memory, t, h, segment, y, side, space, y1)
+        error = error_of(h, k, tolerance)
+        if not error <= 1.0:
+            h *= max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1
+            continue
+        share, row = first_break(
+            plant, memory, t, h, segment, y, y1, k, n, side, on_break
+        )  # fmt: skip
+        if share == 0.0:
+            flips += 1
+            if flips > 2 * side.size + 2:
+                status = CHATTERING
+                break
+            side[row] = -side[row]
+            rates(plant, memory, t, segment, y, side, space, k[0])
+            continue
+        taken = h
+        if row >= 0:
+            taken = land(
+                plant, memory, t, h, segment, y, side, space, y1, row, share, on_break[row]
+            )  # fmt: skip
+        factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
+        last_error = max(error, 1e-4)
+        h = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
+        if t + taken > t:
+            if steps + 1 >= record.shape[0]:
+                record = grown(record, np.empty((2 * record.shape[0], size + 1)))
+                marks = grown(marks, np.empty((2 * marks.shape[0], side.size), dtype=np.int64))
+            save(record, marks, steps, t, y, side)
+            steps += 1
+            if row < 0:
+                flips = 0
+        t = stop if stop - (t + taken) <= 1e-13 * max(abs(t), 1.0) else t + taken
+        for i in range(size):
+            y[i] = y1[i]
+            k[0, i] = k[6, i]
+        if row >= 0:
+            side[row] = -side[row]
+            events += 1
+            in_window += 1
+            if t - window > 1.0:
+                window, in_window = t, 1
+            if in_window > max_rate:
+                status = CHATTERING
+                break
+            rates(plant, memory, t, segment, y, side, space, k[0])
+    save(record, marks, steps, t, y, side)
+    return status, events, side, record[: steps + 1].copy(), marks[: steps + 1].copy()
+
+
+@allocating
+def grown(old, new):
+    """Copy the rows of a record into a longer one."""
+    for i in range(old.shape[0]):
+        for j in range(old.shape[1]):
+            new[i, j] = old[i, j]
+    return new
+
+
+@inner
+def save(record, marks, i, t, y, side):
+    """Write row i."""
+    record[i, 0] = t
+    for q in range(y.size):
+        record[i, 1 + q] = y[q]
+    for q in range(side.size):
+        marks[i, q] = side[q]
+
+
+@kernel
+def sample(plant, memory, record, marks, index, share):
+    """Solution at `share` (0..1) of the steps `index`, each on the branch that it was on.
+
+    Returns times (p,), base motion (3, p), displacements, velocities, accelerations (p, N), forces
+    of the plant's elements and of those with states (p, e), the forces of the former at zero
+    velocity and zeros for the latter (p, e), states (p, q), outside forces (p, l).
+    """
+    count, size, n = index.size, record.shape[1] - 1, plant.linear.shape[0]
+    elements, own = plant.elements.shape[0], memory.nodes.shape[0]
+    space = Space(
+        np.empty(2 * n), np.empty(n), np.zeros(plant.gain.shape[0]), np.empty((7, size)),
+        np.zeros(memory.push.shape[1], dtype=np.int64),
+    )  # fmt: skip
+    times, bases = np.empty(count), np.empty((3, count))
+    z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
+    forces, elastic = np.zeros((count, elements + own)), np.zeros((count, elements + own))
+    states, outside = np.empty((count, size - 2 * n)), np.empty((count, memory.push.shape[1]))
+    y, y1 = np.empty(size), np.empty(size)
+    side = np.empty(marks.shape[1], dtype=np.int64)
+    for p in range(count):
+        i = index[p]
+        t, h = record[i, 0], share[p] * (record[i + 1, 0] - record[i, 0])
+        for q in range(size):
+            y[q] = record[i, 1 + q]
+        for r in range(side.size):
+            side[r] = marks[i, r]
+        segment = segment_at(plant, t + 0.5 * (record[i + 1, 0] - t))
+        find_segments(memory, t + 0.5 * (record[i + 1, 0] - t), space.active)
+        if share[p] == 0.0:
+            for q in range(size):
+                y1[q] = y[q]
+        elif share[p] == 1.0:
+            for q in range(size):
+                y1[q] = record[i + 1, 1 + q]
+        else:
+            rates(plant, memory, t, segment, y, side, space, space.k[0])
+            step(plant, memory, t, h, segment, y, side, space, y1)
+        rates(plant, memory, t + h, segment, y1, side, space, space.k[0])
+        times[p] = t + h
+        base = base_motion(plant, t + h, segment)
+        bases[0, p], bases[1, p], bases[2, p] = base
+        for q in range(n):
+            z[p, q], v[p, q], a[p, q] = y1[q], y1[n + q], space.k[0, n + q]
+        for q in range(size - 2 * n):
+            states[p, q] = y1[2 * n + q]
+        for j in range(plant.gain.shape[0]):
+            d, speed = relative(plant, j, space.motion, base[0], base[1])
+            d, speed = on_side(plant, j, d, speed, side)
+            for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+                address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
+                forces[p, e] = call_law(address, d, speed, plant.parameters, offset)
+                elastic[p, e] = call_law(address, d, 0.0, plant.parameters, offset)
+        for e in range(own):
+            d, speed, _ = across(memory.nodes[e, 0], memory.nodes[e, 1], y1, n, base)
+            forces[p, elements + e] = call_memory_force(
+                memory.laws[e, FORCE], d, speed, y1, 2 * n + memory.laws[e, STATES],
+                memory.parameters, memory.laws[e, PARAMETERS],
+            )  # fmt: skip
+        for f in range(memory.push.shape[1]):
+            outside[p, f] = outside_force(memory, t + h, f, space.active[f])
+    return times, bases, z, v, a, forces, elastic, states, outside
