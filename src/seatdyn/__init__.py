@@ -55,6 +55,8 @@ _WHERE = {
     "seatdyn.signals.measurement": "Measurement",
     "seatdyn.signals.files": "read_measurement",
     "seatdyn.analysis.random": "random_response rms_ratio",
+    "seatdyn.analysis.seat_test": "seat_test",
+    "seatdyn.analysis.damping_test": "damping_test",
     "seatdyn.standards.weighting": "Weighting weighting",
     "seatdyn.standards.metrics": "Metrics metrics",
     "seatdyn.standards.exposure": "Task daily_exposure",

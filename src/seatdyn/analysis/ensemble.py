@@ -48,8 +48,9 @@ class Ensemble:
     seed : of all members
     steps : in every interval of the grid
     every : steps from one instant that is gathered to the next
-    drift : m/s added to the velocity of the base, which starts at rest then; the base of the
-        paper's random runs moves like this
+    drift : m/s added to the velocity of the base, and the system starts at rest then; the base of
+        the paper's random runs moves like this
+    level : r.m.s. acceleration in m/s2 that the base of every member is corrected to
     """
 
     system: SeatSystem
@@ -61,6 +62,7 @@ class Ensemble:
     steps: int
     every: int
     drift: float | None = None
+    level: float | None = None
 
     @classmethod
     def make(
@@ -70,13 +72,17 @@ class Ensemble:
         settle: int,
         seed: int,
         steps: int,
+        *,
+        spacing: float = LONGEST_STEP,
         drift: float | None = None,
+        level: float | None = None,
     ) -> Ensemble:
-        """Work the propagators out."""
+        """Work the propagators out; instants are gathered at most `spacing` (s) apart."""
+        coarsest = fewest_steps(synthesis, spacing)
+        steps = max(steps, coarsest)
         names, march = make_march(system, synthesis.step, steps)
-        coarsest = math.ceil(synthesis.step / LONGEST_STEP)
         every = max(k for k in range(1, steps + 1) if steps % k == 0 and steps >= k * coarsest)
-        return cls(system, synthesis, settle, seed, names, march, steps, every, drift)
+        return cls(system, synthesis, settle, seed, names, march, steps, every, drift, level)
 
     @property
     def spacing(self) -> float:
@@ -90,6 +96,10 @@ class Ensemble:
         if self.drift is not None:
             v += self.drift
             x += self.drift * self.synthesis.step * np.arange(self.synthesis.nodes)
+        if self.level is not None:
+            found = np.sqrt(np.mean(a[:, self.settle :] ** 2, axis=1))
+            for motion in (x, v, a):
+                motion *= (self.level / found)[:, None]
         return x, v, a
 
     def run(
@@ -136,6 +146,11 @@ class Ensemble:
                     future.cancel()
 
 
+def fewest_steps(synthesis: Synthesis, spacing: float = LONGEST_STEP) -> int:
+    """Steps in an interval of the grid that keep instants `spacing` (s) apart or less."""
+    return max(1, math.ceil(synthesis.step / spacing))
+
+
 def settling_time(poles: NDArray[np.complex128]) -> float:
     """Time in s after which a start is forgotten, from the poles of the linear part (1/s)."""
     slowest = float(-np.max(np.real(poles), initial=-np.inf))
@@ -149,7 +164,9 @@ def choose_steps(
     synthesis: Synthesis,
     seed: int,
     tolerance: float,
+    *,
     drift: float | None = None,
+    level: float | None = None,
 ) -> tuple[int, float]:
     """Steps per interval of the grid, and the error that they make of r.m.s. values.
 
@@ -157,11 +174,11 @@ def choose_steps(
     is halved, on its first seconds; steps are halved until it is below `tolerance` or the step is
     the shortest allowed.
     """
-    steps = max(1, math.ceil(synthesis.step / LONGEST_STEP))
+    steps = fewest_steps(synthesis)
     nodes = min(synthesis.nodes, max(2, math.ceil(TRIAL / synthesis.step)) + 1)
 
     def levels(count: int) -> Array:
-        ensemble = Ensemble.make(system, synthesis, 0, seed, count, drift)
+        ensemble = Ensemble.make(system, synthesis, 0, seed, count, drift=drift, level=level)
         mean_squares = ensemble.run(0, nodes=nodes, settle=nodes // 3).moments[:, 1]
         return np.sqrt(mean_squares)
 
