@@ -168,7 +168,6 @@ def seat_test(
             SeatdynWarning,
             stacklevel=2,
         )
-    request |= {"step_error": plan.error, "linear_part_stable": str(plan.stable)}
     return _joined(results, seat, model, spectrum, **request)
 
 
