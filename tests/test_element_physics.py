@@ -17,7 +17,9 @@ from conftest import oscillator
 def flight(element, speed, mass=1.0, **kwargs):
     """A free mass thrown at `speed` from the middle."""
     system = oscillator(element, mass=mass)
-    return sd.simulate(system, sd.Still(), initial=[0.0, speed], output_step=1e-4, **kwargs)
+    # at contact a power of 3/2 starts with an unbounded derivative: below the usual tolerance
+    kwargs |= {"output_step": 1e-4, "settings": sd.Settings(rtol=1e-9)}
+    return sd.simulate(system, sd.Still(), initial=[0.0, speed], **kwargs)
 
 
 def leaving(run, edge):
