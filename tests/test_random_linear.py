@@ -55,7 +55,7 @@ def test_time_average_agrees_with_the_integral(name):
     wanted = linear_response(system, SPECTRA[name]).rms
     got = linear_time_response(system, SPECTRA[name], 300.0, realisations=96, seed=8)
     shown = wanted.output.values != "F_nonlinear"  # which is left out
-    half = (got.high - got.low)[shown] / 2
+    half = (got.rms_high - got.rms_low)[shown] / 2
     assert float((half / wanted[shown]).max()) < 0.02
     # of fourteen correlated outputs one may lie outside; none by far
     score = np.abs(got.rms - wanted)[shown] / half
@@ -79,7 +79,7 @@ def test_intervals_of_white_noise_on_one_mass_cover_the_truth():
     for seed in range(1000):
         got = linear_time_response(seat_oscillator(), noise, 60.0, realisations=8, seed=seed)
         one = got.sel(output="seat-base")
-        covered += one.low.item() <= wanted <= one.high.item()
+        covered += one.rms_low.item() <= wanted <= one.rms_high.item()
     assert 930 <= covered <= 970
 
 

@@ -21,7 +21,7 @@ from seatdyn.analysis.gaussian import Equivalent, equivalent
 from seatdyn.analysis.linear import labelled
 from seatdyn.analysis.linear_map import channel_elements, linear_map
 from seatdyn.analysis.outputs import named_outputs, unique_names
-from seatdyn.analysis.random_linear import check_request, levels, output_coords
+from seatdyn.analysis.random_linear import NOTE, check_request, levels, output_coords
 from seatdyn.analysis.run import Samples
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
 from seatdyn.model.system import SeatSystem, linear_model
@@ -60,8 +60,9 @@ def statistical_linearisation(
     Returns
     -------
     xarray.Dataset
-        Over `output` (names as in `steady_state`, unit in `output_unit`): `rms` about the mean,
-        `mean`, `rate_rms` of the time derivative, `upcrossings` of the mean in Hz. Over `element`
+        Over `output` (names as in `steady_state`, unit in `output_unit`): `rms`, `mean` and
+        `deviation`, the r.m.s. about the mean; `rate_rms` of the time derivative, `upcrossings` of
+        the mean in Hz. Over `element`
         (non-linear ones): `stiffness` in N/m, `damping` in N s/m and `mean_force` in N of its
         equivalent; `force_rms` in N, of its own law; `travel_rms`, `travel_mean` in m and
         `speed_rms` in m/s across it. Attributes: status ("converged", "not_converged",
@@ -226,7 +227,10 @@ def _dataset(search: Search, status: Status) -> xr.Dataset:
     found = in_frequency(*m[1:5], search.spectrum) if done else None
     means = _means(search) if done else np.full(len(m.names), np.nan)
     variables: dict[str, Any] = levels(found, len(m.names))
-    variables["mean"] = (("output",), means, "see output_unit", "mean")
+    deviation = variables["rms"][1]
+    variables["deviation"] = (("output",), deviation, NOTE, "r.m.s. about the mean")
+    variables["mean"] = (("output",), means, NOTE, "mean")
+    variables["rms"] = (("output",), np.hypot(deviation, means), NOTE, "r.m.s.")
 
     def per_element(values: Any, unit: str, text: str) -> Any:
         shown = np.asarray(values, dtype=float) if done else np.full(len(search.elements), np.nan)

@@ -131,8 +131,8 @@ def linear_time_response(
     Returns
     -------
     xarray.Dataset
-        Over `output`: `rms`, and `low` and `high`, the ends of its 95 % interval by Student's t
-        over the mean squares of the realisations; `mean_square` (realisation, output).
+        Over `output`: `rms`, and `rms_low` and `rms_high`, the ends of its 95 % interval by
+        Student's t over the mean squares of the realisations; `mean_square` (realisation, output).
 
     Raises
     ------
@@ -151,7 +151,7 @@ def linear_time_response(
         squares = _mean_squares(matrices, spectrum, duration, realisations, seed, kind)
     mean, spread = squares.mean(0), squares.std(0, ddof=1) / math.sqrt(realisations)
     reach = student.ppf(0.5 + CONFIDENCE / 2, realisations - 1) * spread
-    ends = {"rms": mean, "low": np.maximum(mean - reach, 0.0), "high": mean + reach}
+    ends = {"rms": mean, "rms_low": np.maximum(mean - reach, 0.0), "rms_high": mean + reach}
     variables: dict[str, Any] = {
         key: (("output",), np.sqrt(value), NOTE, key) for key, value in ends.items()
     }
@@ -256,7 +256,7 @@ def levels(found: Covariance | None, size: int) -> dict[str, Any]:
     with np.errstate(invalid="ignore"):  # an output that is always zero does not cross
         crossings = rate / rms / (2 * np.pi)
     return {
-        "rms": (("output",), rms, NOTE, "r.m.s. about the mean"),
+        "rms": (("output",), rms, NOTE, "r.m.s."),
         "rate_rms": (("output",), rate, NOTE, "r.m.s. of the rate, per s"),
         "upcrossings": (("output",), crossings, "Hz", "upward crossings of the mean"),
     }
