@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import tracemalloc
 
 import numpy as np
@@ -338,3 +339,80 @@ def test_a_measurement_of_channels_of_different_length():
         sd.Measurement({}, 10.0)
     with pytest.raises(sd.MeasurementError, match=r"no channel 'seta'\. Did you mean 'seat'"):
         sd.Measurement({"seat": FLOOR}, 10.0)["seta"]
+
+
+# ---------------------------------------------------------------- loggers
+
+
+def write_tdms(file, step=1 / RATE):
+    nptdms = pytest.importorskip("nptdms")
+    channels = [
+        nptdms.ChannelObject("ride", name, values, {"unit_string": "g", "wf_increment": dt})
+        for name, values, dt in (("floor", FLOOR, 1 / RATE), ("seat", SEAT, step))
+    ]
+    with nptdms.TdmsWriter(file) as stream:
+        stream.write_segment(channels)
+
+
+def write_uff(file):
+    pyuff = pytest.importorskip("pyuff")
+    quantities = ("abscissa", "ordinate", "orddenom", "z_axis")
+    exponents = {f"{q}_{e}_unit_exp": 0 for q in quantities for e in ("len", "force", "temp")}
+    other = dict.fromkeys(("ver_num", "load_case_id", "rsp_node", "rsp_dir", "ref_node"), 1)
+    sets = [
+        pyuff.prepare_58(
+            func_type=1, id1=name, ref_dir=0, binary=0, ord_data_type=4, abscissa_spacing=1,
+            abscissa_inc=1 / RATE, abscissa_min=0.0, z_axis_value=0.0, abscissa_spec_data_type=17,
+            ordinate_spec_data_type=12, orddenom_spec_data_type=0, z_axis_spec_data_type=0,
+            ordinate_axis_units_lab="g", data=values, x=np.arange(COUNT) / RATE, num_pts=COUNT,
+            return_full_dict=True, **exponents, **other,
+        )
+        for name, values in (("floor", FLOOR), ("seat", SEAT))
+    ]  # fmt: skip
+    pyuff.UFF(str(file)).write_sets(sets, "overwrite")
+
+
+def write_mf4(file):
+    asammdf = pytest.importorskip("asammdf")
+    times = np.arange(COUNT) / RATE
+    with asammdf.MDF(version="4.10") as content:
+        content.append(
+            [
+                asammdf.Signal(v, times, name=n, unit="g")
+                for n, v in (("floor", FLOOR), ("seat", SEAT))
+            ]
+        )
+        content.save(file, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"), [("a.tdms", write_tdms), ("a.uff", write_uff), ("a.mf4", write_mf4)]
+)
+def test_files_of_loggers(name, write, tmp_path):
+    """Where the packages are installed; elsewhere these are skipped."""
+    file = tmp_path / name
+    write(file)
+    record = sd.read_measurement(file, ["seat"])
+    assert record.rate == pytest.approx(RATE, rel=1e-6)
+    assert record.unit == "g"
+    np.testing.assert_allclose(record["seat"], G * SEAT, atol=1e-4)
+    assert list(sd.read_measurement(file).channels) == ["floor", "seat"]
+    file.write_bytes(b"nonsense")
+    with pytest.raises(sd.MeasurementError, match=r"cannot be read by|holds no channel"):
+        sd.read_measurement(file)
+
+
+def test_channels_of_a_logger_with_different_rates(tmp_path):
+    file = tmp_path / "a.tdms"
+    write_tdms(file, step=2 / RATE)
+    with pytest.raises(sd.MeasurementError, match="floor 100 Hz from 0 s, seat 50 Hz from 0 s"):
+        sd.read_measurement(file)
+    assert sd.read_measurement(file, ["seat"]).rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(("name", "package"), [("a.tdms", "nptdms"), ("a.uff", "pyuff")])
+def test_a_package_that_is_missing_is_named(name, package, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    (tmp_path / name).write_bytes(b"something")
+    with pytest.raises(sd.MeasurementError, match=rf"the package {package} .* `pip install"):
+        sd.read_measurement(tmp_path / name)

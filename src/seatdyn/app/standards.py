@@ -36,7 +36,9 @@ class Axis(StrEnum):
 
 
 def assess(
-    file: Annotated[Path, typer.Argument(help="Measured record: .csv, .txt, .wav, .mat.")],
+    file: Annotated[
+        Path, typer.Argument(help="Measured record: text, .wav, .mat, .tdms, .uff, .mf4.")
+    ],
     out: OutputOptions,
     axis: Annotated[Axis, option("--axis", "Axis of the record.", panel="Record", default=True)] = (
         Axis.Z

@@ -11,7 +11,15 @@ import numpy as np
 
 from seatdyn.output.files import writable, write_whole
 from seatdyn.output.report import render_report
-from seatdyn.standards.exposure import ACTION_VALUES, HOUR, LIMIT_VALUES, ZONE_RMS, ZONE_VDV
+from seatdyn.standards.exposure import (
+    ACTION_VALUES,
+    COMFORT_SOURCE,
+    DAY,
+    HOUR,
+    LIMIT_VALUES,
+    ZONE_RMS,
+    ZONE_VDV,
+)
 from seatdyn.standards.metrics import (
     AXIS_FACTORS,
     CREST_LIMIT,
@@ -45,8 +53,6 @@ RESULTS = {  # rows of the table: variable, unit, digits
     "A(8), k included": ("a8", "m/s²"),
     "daily VDV, k included": ("daily_vdv", "m/s^1.75"),
     "floor, weighted r.m.s.": ("floor_weighted_rms", "m/s²"),
-    "seat over floor, r.m.s.": ("seat_rms", ""),
-    "seat over floor, VDV": ("seat_vdv", ""),
 }
 
 
@@ -184,6 +190,11 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
         for label, (name, unit) in RESULTS.items()
         if name in data
     ]
+    rows += [
+        (data[name].attrs["long_name"], [f"{v:.4g}" for v in data[name].values.tolist()], "")
+        for name in ("seat_rms", "seat_vdv")
+        if name in data
+    ]
     context = {
         "axes": axes,
         "rows": rows,
@@ -196,7 +207,7 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
         "channels": json.loads(data.attrs["channels"]),
         "floor_channels": json.loads(data.attrs["floor_channels"]),
         "times": [
-            (f"{float(data[name].sel(axis=axis)) / HOUR:.3g} h", axis, text)
+            (_daily(float(data[name].sel(axis=axis))), axis, text)
             for name, text in (("time_to_action", "action"), ("time_to_limit", "limit"))
             for axis in axes
         ],
@@ -205,6 +216,10 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
     }
     write_whole(target, render_report("assessment.html", context).encode("utf-8"))
     return target
+
+
+def _daily(time: float) -> str:
+    return f"after {time / HOUR:.3g} h a day" if time <= DAY else "not within a day"
 
 
 def _constants(axes: list[str], weightings: dict[str, str]) -> list[tuple[str, str, str, str]]:
@@ -224,10 +239,12 @@ def _constants(axes: list[str], weightings: dict[str, str]) -> list[tuple[str, s
         "action value of VDV": ACTION_VALUES["vdv"],
         "limit value of VDV": LIMIT_VALUES["vdv"],
         "caution zone by r.m.s., lower end up to 10 min": ZONE_RMS["low"],
-        "the same, upper end": ZONE_RMS["high"],
-        "caution zone by eVDV, lower end": ZONE_VDV["low"],
-        "the same, upper end ": ZONE_VDV["high"],
+        "the same by r.m.s., upper end": ZONE_RMS["high"],
+        "the same by eVDV, lower end": ZONE_VDV["low"],
+        "the same by eVDV, upper end": ZONE_VDV["high"],
     }
+    clause, grade = COMFORT_SOURCE
+    rows.append(("likely reactions", "six bands", clause, str(grade)))
     return rows + [
         (name, f"{c.value:g} {c.unit}".removesuffix(" 1"), c.clause, str(c.grade))
         for name, c in named.items()

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.errors import MeasurementError
 from seatdyn.signals.clock import rate_of, require_rate
+from seatdyn.signals.loggers import FORMATS, read_channels
 from seatdyn.signals.measurement import MOST_SAMPLES, UNITS, Measurement
 from seatdyn.signals.text import find_layout, read_columns
 from seatdyn.units import RATE, number, suggestion
@@ -30,8 +31,6 @@ TIME_UNITS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.
 SPELLINGS = {"m/s2": "m/s2", "m/s²": "m/s2", "m/s^2": "m/s2", "ms-2": "m/s2", "m/s/s": "m/s2",
              "g": "g"}  # fmt: skip
 RATE_NAMES = ("fs", "rate", "samplerate", "sample_rate", "sampling_rate", "f_s")
-# formats behind an optional package: suffix -> name of the extra
-EXTRAS = {".uff": "uff", ".unv": "uff", ".tdms": "tdms", ".mf4": "mdf", ".mdf": "mdf"}
 
 
 class Raw(NamedTuple):
@@ -300,11 +299,39 @@ def _read_mat(
     return Raw({name: vectors[name] for name in chosen}, rate, start, "")
 
 
-def _needs_extra(file: Path, *_: Any, **__: Any) -> Raw:
-    extra = EXTRAS[file.suffix.lower()]
-    raise MeasurementError(
-        f"{str(file)!r} needs the reader of {extra.upper()} files, which is not part of seatdyn "
-        "yet; export the record as CSV, WAV or MATLAB file."
+def _read_logger(
+    file: Path,
+    columns: Sequence[Column] | None,
+    *,
+    rate: float | None,
+    time: Column | None,
+    full_scale: float | None,
+) -> Raw:
+    """Channels of TDMS, UFF and MDF files; those that are read must share one clock."""
+    source = repr(str(file))
+    _no_full_scale(full_scale, source)
+    _no_time(time, source)
+    every = {channel.name: channel for channel in read_channels(file)}
+    chosen = [every[name] for name in _choose(list(every), columns, source)]
+    clocks = {(c.rate, c.start) for c in chosen}
+    if len(clocks) > 1:
+        rates = ", ".join(f"{c.name} {c.rate:.6g} Hz from {c.start or 0.0:.6g} s" for c in chosen)
+        raise MeasurementError(
+            f"{source} has channels with different clocks: {rates}. Read those that belong "
+            "together, or resample them."
+        )
+    ((found, start),) = clocks
+    if found > 0.0 and rate is not None:
+        require_rate(rate, found, source)
+    if found == 0.0 and rate is None:
+        raise MeasurementError(f"{source} does not say how fast it was sampled; give the rate.")
+    units = {_unit(c.unit, c.name, source) for c in chosen} - {""}
+    if len(units) > 1:
+        raise MeasurementError(
+            f"{source} has channels in m/s2 and others in g; read one at a time."
+        )
+    return Raw(
+        {c.name: c.samples for c in chosen}, found or float(rate or 0.0), start, "".join(units)
     )
 
 
@@ -336,5 +363,5 @@ def _no_full_scale(full_scale: float | None, source: str) -> None:
 READERS: dict[str, Callable[..., Raw]] = {
     ".wav": _read_wav,
     ".mat": _read_mat,
-    **dict.fromkeys(EXTRAS, _needs_extra),
+    **dict.fromkeys(FORMATS, _read_logger),
 }

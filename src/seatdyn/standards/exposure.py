@@ -43,8 +43,8 @@ ZONE_RMS = {
 ZONE_FLAT_UNTIL = Constant(600.0, "s", _ANNEX_B, Grade.UNCERTAIN)
 # caution zone of (B.2), as estimated vibration dose value
 ZONE_VDV = {
-    "low": Constant(8.5, VDV, "ISO 2631-1:1997, B.3.2", Grade.FOUND),
-    "high": Constant(17.0, VDV, "ISO 2631-1:1997, B.3.2", Grade.FOUND),
+    "low": Constant(8.5, VDV, "ISO 2631-1:1997, B.3.2", Grade.RECALLED),
+    "high": Constant(17.0, VDV, "ISO 2631-1:1997, B.3.2", Grade.RECALLED),
 }
 ZONES_MEANT_FOR = (4 * HOUR, 8 * HOUR)
 ZONE_TEXT = {
