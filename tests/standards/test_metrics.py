@@ -89,11 +89,11 @@ def test_vdv_of_a_sine_and_of_gaussian_noise():
     assert sine.mtvv == pytest.approx(sine.rms, rel=1e-9)
     assert sine.evdv == pytest.approx(1.4 * sine.rms * 100**0.25, rel=1e-12)
     assert sine.msdv == pytest.approx(sine.rms * 10.0, rel=1e-9)
-    noise = np.random.default_rng(2631).standard_normal(4_000_000)
+    noise = np.random.default_rng(2631).standard_normal(1_000_000)
     gauss = sd.metrics(noise, 1000.0)
     # the fourth moment of n independent samples has the relative deviation sqrt(96/n)/3, its
-    # fourth root a quarter of it: 4e-4 for three of them
-    assert gauss.vdv_ratio == pytest.approx(1.316074, rel=1.3e-3)  # 3^(1/4)
+    # fourth root a quarter of it: 8e-4; three of them are allowed
+    assert gauss.vdv_ratio == pytest.approx(1.316074, rel=2.5e-3)  # 3^(1/4)
     assert gauss.reasons == []
 
 

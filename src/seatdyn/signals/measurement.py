@@ -22,6 +22,7 @@ MOST_SAMPLES = 50_000_000  # of one channel: 400 MB
 
 CLIPPED_RUN = 3  # equal samples in a row at the extreme value, which a smooth signal does not have
 CLIPPED_RUNS = 2  # such runs
+ABRUPT = 4.0  # smallest steps of the record, with which a run must be entered and left
 NEAR_GRAVITY = 0.1  # relative: a mean this close to 1 g is gravity
 LARGEST_ON_A_SEAT = 200.0  # m/s2: about 20 g; nobody sits there
 SMALLEST_USUAL = 0.15  # m/s2 r.m.s.: less is rare in vehicles, but usual for numbers in g
@@ -182,10 +183,20 @@ def doubts(samples: Array, name: str, unit: str) -> list[str]:
 
 
 def _runs_at(samples: Array, extreme: float) -> int:
-    """How often the samples stay at an extreme value for `CLIPPED_RUN` samples or more."""
+    """How often the samples stay at an extreme value for `CLIPPED_RUN` samples, abruptly.
+
+    The rounded top of a slow wave is flat, too, where the numbers have few digits; but it is
+    reached and left by a digit or two.
+    """
     at = np.concatenate([[False], samples == extreme, [False]])
     edges = np.flatnonzero(np.diff(at.astype(np.int8)))
-    return int(np.count_nonzero(edges[1::2] - edges[::2] >= CLIPPED_RUN))
+    starts, ends = edges[::2], edges[1::2]
+    long = (ends - starts >= CLIPPED_RUN) & (starts > 0) & (ends < samples.size)
+    steps = np.abs(np.diff(samples))
+    digit = float(np.min(steps, initial=np.inf, where=steps > 0.0))
+    before = np.abs(samples[starts[long] - 1] - extreme)
+    after = np.abs(samples[ends[long]] - extreme)
+    return int(np.count_nonzero(np.minimum(before, after) > ABRUPT * digit))
 
 
 def require_same_clock(first: Measurement, second: Measurement) -> None:
