@@ -15,7 +15,7 @@ from seatdyn.analysis.response import active_bands, checked_frequencies, frequen
 from seatdyn.analysis.seat_factor import seat_factor
 from seatdyn.analysis.stability import is_stable
 from seatdyn.errors import RequestError, Status
-from seatdyn.model.body import SEAT, SeatedBody, list_bodies, list_of, load_body
+from seatdyn.model.body import SeatedBody, list_bodies, list_of, load_body
 from seatdyn.model.seat import Seat
 from seatdyn.model.system import SeatSystem
 from seatdyn.signals.inputs import seat_test_input
@@ -122,7 +122,7 @@ def compare_bodies(
     if systems:
         values = [
             frequency_response(system, frequency=f, linearise=linearise)
-            .transmissibility.sel(node=SEAT)
+            .transmissibility.sel(node=system.contact)
             .values
             if good
             else np.full(f.size, np.nan + 0j)

@@ -44,9 +44,13 @@ def across(system: SeatSystem, samples: Samples, between: tuple[str, str], order
 
 
 def pairs(system: SeatSystem) -> list[tuple[str, str]]:
-    """Node pairs of the relative displacements: suspension, masses to seat, masses to masses."""
-    masses = system.body.nodes
-    return [(BASE, SEAT), *((SEAT, node) for node in masses), *combinations(masses, 2)]
+    """Node pairs of the relative displacements: suspension, cushion, masses to what they sit on,
+    masses to masses.
+    """
+    masses, contact = system.body.nodes, system.contact
+    cushion = [(SEAT, contact)] if contact != SEAT else []
+    on_seat = [(contact, node) for node in masses]
+    return [(BASE, SEAT), *cushion, *on_seat, *combinations(masses, 2)]
 
 
 def pair_name(pair: tuple[str, str]) -> str:
@@ -101,7 +105,7 @@ def named_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
     acc_<node> (m/s2), <node> (m), <node>-<node> (m), F_damper, F_spring, F_linear (their sum),
     F_nonlinear, F_damper+nonlinear (N).
     """
-    nodes = (*system.body.nodes, SEAT)
+    nodes = (*system.body.nodes, *dict.fromkeys((system.contact, SEAT)))
     result = {f"acc_{node}": motion_of(system, samples, node, 2) for node in nodes}
     result |= {node: motion_of(system, samples, node, 0) for node in nodes}
     for pair in pairs(system):
@@ -123,13 +127,18 @@ def output_unit(name: str) -> str:
 
 
 def body_force(system: SeatSystem, samples: Samples) -> Array:
-    """Force of the body on the seat frame, N, positive upwards: what accelerates it beside F_s."""
-    seat = motion_of(system, samples, SEAT, 2)
-    total = system.seat.mass * seat
+    """Force of the body on what it sits on, N, positive upwards.
+
+    It is what accelerates the frame beside the suspension, or the cushion's mass beside the
+    cushion.
+    """
+    contact = system.contact
+    mass = system.seat.mass if contact == SEAT else system.seat.cushion_mass
+    total = mass * motion_of(system, samples, contact, 2)
     forces = element_forces(system, samples)
     for force, element in zip(forces.values(), system.all_elements, strict=True):
-        if element.between[1] == SEAT:
+        if element.between[1] == contact:
             total = total + force
-        elif element.between[0] == SEAT:
+        elif element.between[0] == contact:
             total = total - force
     return total

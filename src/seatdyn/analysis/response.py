@@ -118,7 +118,7 @@ def frequency_response(
         coords["element"] = _unique([name for name, *_ in rows])
     if isinstance(system, SeatSystem):
         body = linear_model(system.body)
-        seat = model.index(SEAT)
+        seat = model.index(system.contact)
         of_body = motion[[*(model.index(node) for node in body.nodes), seat]]
         on_seat = 1.0 + motion[seat]
         force = _force_on_body(body, s, of_body - motion[seat], of_body + 1.0)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from seatdyn.analysis.linear import Linearise
 from seatdyn.analysis.random_linear import linear_response
-from seatdyn.model.body import SEAT
 from seatdyn.model.system import SeatSystem
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.standards.weighting import Weighting, weighting
@@ -37,12 +36,12 @@ def seat_factor(system: SeatSystem, spectrum: Spectrum, *, linearise: Linearise 
     Returns
     -------
     float
-        R.m.s. acceleration of the seat over that of the base, both weighted by Wk; 1. NaN for an
-        unstable system, which has none.
+        R.m.s. acceleration of what the occupant sits on over that of the base, both weighted by
+        Wk; 1. NaN for an unstable system, which has none.
     """
     weighted = Weighted(spectrum, weighting(WEIGHTING))
     response = linear_response(system, weighted, linearise=linearise)
-    return float(response.rms.sel(output=f"acc_{SEAT}")) / weighted.acceleration_rms()
+    return float(response.rms.sel(output=f"acc_{system.contact}")) / weighted.acceleration_rms()
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-SEAT_SURFACE = "seat_surface"  # node between cushion and occupant, of seats that have a cushion
 SITTING_SHARE = Constant(
     0.75,
     "1",
@@ -179,7 +178,7 @@ def default_occupants() -> dict[str, float]:
 
 def measuring_point(system: SeatSystem) -> str:
     """Node where the SEAT factor is taken: between cushion and occupant, or else the frame."""
-    return SEAT_SURFACE if SEAT_SURFACE in system.nodes else SEAT
+    return system.contact
 
 
 def end_stops(system: SeatSystem) -> list[Stop]:

@@ -63,7 +63,7 @@ KINDS: dict[str, type[Element]] = {
         *(DahlFriction, LuGreFriction, BoucWen, SpencerDamper, SemiActiveDamper, MRDamper),
     )
 }
-ELEMENT_LISTS = ("suspension",)  # fields of a seat
+ELEMENT_LISTS = ("suspension", "cushion")  # fields of a seat
 
 
 def list_seats() -> list[str]:

@@ -23,7 +23,7 @@ from seatdyn.errors import ModelError, RequestError
 from seatdyn.model.body import SEAT, SeatedBody
 from seatdyn.model.elements import Element, LinearElement, NonlinearElement
 from seatdyn.model.memory import MemoryElement
-from seatdyn.model.seat import Seat
+from seatdyn.model.seat import CUSHION, SEAT_SURFACE, Seat
 from seatdyn.units import suggestion
 
 BASE = "base"
@@ -172,6 +172,16 @@ class SeatSystem:
         if not isinstance(self.seat, Seat):
             raise ModelError(f"SeatSystem.seat = {self.seat!r} is no Seat; use Seat(mass, [...]).")
         object.__setattr__(self, "elements", tuple(self.elements))
+        if self.seat.cushion and not self.seat.cushion_mass + self.body.support_mass > 0.0:
+            raise ModelError(
+                f"The node {SEAT_SURFACE!r} between cushion and SeatedBody({self.body.name!r}) has "
+                "no mass; give Seat.cushion_mass, such as 1 kg, or a body with mass at its seat."
+            )
+        if SEAT_SURFACE in self.body.nodes:
+            raise ModelError(
+                f"SeatedBody({self.body.name!r}) names a mass {SEAT_SURFACE!r}, which is the node "
+                "between a cushion and the occupant; rename the mass."
+            )
         known = (BASE, *self.nodes)
         for element in self.all_elements:
             for node in element.between:
@@ -183,18 +193,23 @@ class SeatSystem:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Free nodes: the seat, then the masses of the body."""
-        return (SEAT, *self.body.nodes)
+        """Free nodes: the seat, its surface if there is a cushion, the masses of the body."""
+        return (SEAT, *self.body.nodes) if self.contact == SEAT else (*CUSHION, *self.body.nodes)
+
+    @property
+    def contact(self) -> str:
+        """Node that the occupant sits on: "seat_surface" on a cushion, else "seat"."""
+        return SEAT_SURFACE if self.seat.cushion else SEAT
 
     @cached_property
     def all_elements(self) -> tuple[Element, ...]:
-        """Suspension elements, then further elements, each with its whole delay."""
+        """Suspension, cushion, then further elements, each with its whole delay."""
         late = self.seat.delay
         suspension = tuple(
             replace(element, delay=element.delay + late) if late else element
             for element in self.seat.suspension
         )
-        return suspension + self.elements
+        return suspension + self.seat.cushion + self.elements
 
     @property
     def delays(self) -> tuple[float, ...]:
@@ -277,6 +292,11 @@ def linear_model(
     nodes = system.nodes
     order = {node: i for i, node in enumerate((*nodes, drive))}
     n = len(nodes)
+    contact = system.contact if isinstance(system, SeatSystem) else SEAT
+
+    def of_body(node: str) -> str:
+        """Node of the system that a body's node is: its seat is what it sits on."""
+        return contact if node == SEAT else node
 
     def incidence(first: str, second: str) -> Array:
         b = np.zeros(n + 1)
@@ -284,7 +304,10 @@ def linear_model(
         b[order[first]] -= 1.0
         return b
 
-    mass = np.diag([body.masses.get(node, 0.0) for node in nodes])
+    mass = np.zeros((n, n))
+    for node, value in body.masses.items():
+        if of_body(node) != drive:
+            mass[order[of_body(node)], order[of_body(node)]] += value
     stiffness, damping = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     active_stiffness, active_damping = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     parameters: dict[str, RankOne] = {}
@@ -306,13 +329,14 @@ def linear_model(
         dampers += c * np.outer(b, b)
 
     for link in body.links:
-        add_pair(link.between, link.stiffness, link.damping)
+        first, second = link.between
+        add_pair((of_body(first), of_body(second)), link.stiffness, link.damping)
     for force in body.feedback:
-        left = incidence(force.reaction, force.on)
+        left = incidence(of_body(force.reaction), of_body(force.on))
         for term in force.terms:
             right = np.zeros(n + 1)
             for node, weight in term.weights.items():
-                right[order[node]] += weight
+                right[order[of_body(node)]] += weight
             rank = 0 if term.of == "displacement" else 1
             target = matrices(force.delay, True)[rank]
             target += term.gain * np.outer(left, right)
@@ -320,7 +344,8 @@ def linear_model(
             parameters[term.name] = RankOne(rank, left[:n], right[:n], term.gain, unit, force.delay)
 
     if isinstance(system, SeatSystem):
-        mass[0, 0] += system.seat.mass
+        mass[order[SEAT], order[SEAT]] += system.seat.mass
+        mass[order[contact], order[contact]] += system.seat.cushion_mass
         for element in system.all_elements:
             if isinstance(element, LinearElement):
                 add_pair(element.between, *element.linear, element.delay)
