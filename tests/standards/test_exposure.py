@@ -131,6 +131,7 @@ BAD = {
         ),
         "the same axes of all tasks",
     ),
+    "time of an unknown axis": (lambda: time_to_reach(1.0, "Z", 0.5), "axis 'Z' is not known"),
     "no dose": (
         lambda: sd.daily_exposure([sd.Task("a", 60.0, {"z": 1.0})]).largest("vdv"),
         "give the tasks a `vdv`",

@@ -17,6 +17,7 @@ from seatdyn.standards.metrics import (
     running_rms,
     total_value,
     vdv,
+    vomiting_share,
 )
 
 # ISO 8041-1:2017, Tables 6 to 8: r.m.s., VDV, MTVV linear, MTVV exponential. 0: no end.
@@ -131,6 +132,17 @@ def test_doses_add_up_as_they_say():
     assert combined_vdv([first, second]) == pytest.approx(float(vdv(a, 100.0)), rel=1e-12)
     doses = motion_sickness_dose(a[:700], 100.0), motion_sickness_dose(a[700:], 100.0)
     assert math.hypot(*doses) == pytest.approx(float(motion_sickness_dose(a, 100.0)), rel=1e-12)
+
+
+def test_motion_sickness():
+    """Six hours of 0.5 m/s2 at 0.2 Hz."""
+    rate = 5.0
+    t = np.arange(0.0, 6 * 3600.0, 1 / rate)
+    heave = sd.weighting("Wf").apply(0.5 * math.sqrt(2.0) * np.sin(2 * np.pi * 0.2 * t), rate)
+    dose = float(motion_sickness_dose(heave, rate))
+    assert dose == pytest.approx(abs(sd.weighting("Wf").factor(0.2)) * 0.5 * 6 * 60, rel=0.01)
+    assert vomiting_share(dose) == pytest.approx(dose / 3)
+    assert vomiting_share(1e4) == 100.0
 
 
 def test_total_value():

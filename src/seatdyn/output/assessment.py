@@ -18,7 +18,9 @@ from seatdyn.standards.exposure import (
     HOUR,
     LIMIT_VALUES,
     ZONE_RMS,
+    ZONE_TEXT,
     ZONE_VDV,
+    ZONES_MEANT_FOR,
 )
 from seatdyn.standards.metrics import (
     AXIS_FACTORS,
@@ -200,6 +202,11 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
         "rows": rows,
         "attrs": data.attrs,
         "hours": data.attrs["exposure"] / HOUR,
+        "zones": {
+            "r.m.s.": ZONE_TEXT[data.attrs["guidance_rms"]],
+            "eVDV": ZONE_TEXT[data.attrs["guidance_vdv"]],
+        },
+        "zones_fit": ZONES_MEANT_FOR[0] <= data.attrs["exposure"] <= ZONES_MEANT_FOR[1],
         "isolated": "seat_rms" in data,
         "warnings": json.loads(data.attrs["warnings"]),
         "reasons": json.loads(data.attrs["reasons"]),

@@ -46,7 +46,7 @@ ZONE_VDV = {
     "low": Constant(8.5, VDV, "ISO 2631-1:1997, B.3.2", Grade.RECALLED),
     "high": Constant(17.0, VDV, "ISO 2631-1:1997, B.3.2", Grade.RECALLED),
 }
-ZONES_MEANT_FOR = (4 * HOUR, 8 * HOUR)
+ZONES_MEANT_FOR = (4 * HOUR, 8 * HOUR)  # of exposure a day
 ZONE_TEXT = {
     "below": "below the caution zone: effects on health are not clearly documented",
     "caution": "in the caution zone: potential risks to health",
@@ -230,6 +230,8 @@ def time_to_reach(
     >>> time_to_reach(1.0, "z", 0.5) / 3600.0
     2.0
     """
+    if axis not in AXIS_FACTORS["health"]:
+        raise RequestError(f"axis {axis!r} is not known; use x, y, z.")
     effective = AXIS_FACTORS["health"][axis].value * value
     if effective == 0.0:
         return math.inf

@@ -35,7 +35,7 @@ EVDV_FACTOR = Constant(1.4, "1", "ISO 2631-1:1997, Annex B, B.3.2", Grade.FOUND)
 CREST_LIMIT = Constant(9.0, "1", "ISO 2631-1:1997, 6.2.1", Grade.FOUND)
 MTVV_LIMIT = Constant(1.5, "1", "ISO 2631-1:1997, 6.3.3", Grade.RECALLED)
 VDV_LIMIT = Constant(1.75, "1", "ISO 2631-1:1997, 6.3.3", Grade.RECALLED)
-SICKNESS = Constant(1 / 3, "s1.5/m", "ISO 2631-1:1997, Annex D", Grade.RECALLED)
+SICKNESS = Constant(1 / 3, "% s1.5/m", "ISO 2631-1:1997, Annex D", Grade.RECALLED)
 
 _HEALTH, _COMFORT = "ISO 2631-1:1997, 7.2.3", "ISO 2631-1:1997, 8.2.2 and 8.2.3"
 
@@ -132,10 +132,15 @@ def estimated_vdv(weighted_rms: float, duration: float) -> float:
 
 
 def motion_sickness_dose(weighted: ArrayLike, rate: float) -> Array:
-    """MSDV in m/s^1.5 of a Wf-weighted acceleration; a third of it is the share (%) that vomits."""
+    """MSDV in m/s^1.5 of a vertical acceleration weighted by Wf."""
     a = checked_samples(weighted)
     rate = number(rate, "rate", "Hz", **RATE, error=RequestError)
     return np.asarray(np.sqrt(np.sum(a * a, axis=-1) / rate))
+
+
+def vomiting_share(dose: float) -> float:
+    """Share of unadapted adults of both sexes who vomit, %, from the MSDV in m/s^1.5."""
+    return min(100.0, SICKNESS.value * dose)
 
 
 def total_value(values: Mapping[str, float], purpose: str = "health") -> float:
