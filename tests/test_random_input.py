@@ -100,6 +100,18 @@ def test_table_is_straight_in_logarithms():
     assert formula.displacement_rms() ** 2 == pytest.approx(math.log(2) / (2 * math.pi) ** 4)
 
 
+def test_spectra_are_told_apart():
+    short = sd.SpectrumTable([1.0, 2.0], [0.5, 0.5])
+    assert repr(short) == "SpectrumTable((1.0, 2.0), (0.5, 0.5))"
+    f = np.linspace(1.0, 2.0, 50)
+    long, other = sd.SpectrumTable(f, f), sd.SpectrumTable(f, 2 * f)
+    assert repr(long).startswith("SpectrumTable(50 points, 1.0 .. 2.0 Hz, sha256=")
+    assert repr(long) != repr(other)
+    formulas = [sd.SpectrumFormula(lambda f, c=c: c * f, 1.0, 2.0) for c in (1.0, 1.0, 2.0)]
+    assert repr(formulas[0]) == repr(formulas[1]) != repr(formulas[2])
+    assert repr(sd.seat_test_input("EM3")) == "SeatTestInput(name='EM3', low=0.3)"
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -66,7 +66,8 @@ class Weighted(Spectrum):
         """Those of the spectrum."""
         return self.spectrum.knots
 
-    def _inside(self, frequency: Array) -> Array:
+    def inside(self, frequency: Array) -> Array:
+        """Weighted density."""
         return np.asarray(
             self.spectrum.density(frequency) * np.abs(self.weighting.factor(frequency)) ** 2
         )

@@ -69,7 +69,8 @@ class SeatTestInput(Spectrum):
         )
         return Shaping(math.sqrt(level) * omega**n_low, n_high, poles)
 
-    def _inside(self, frequency: Array) -> Array:
+    def inside(self, frequency: Array) -> Array:
+        """A HP LP."""
         level, (n_high, f_high), (n_low, f_low) = self.definition[1:4]
         above, below = (frequency / f_high) ** (2 * n_high), (frequency / f_low) ** (2 * n_low)
         return np.asarray(level * above / (1.0 + above) / (1.0 + below))
@@ -157,5 +158,6 @@ class Road(Spectrum):
         level = ROAD_CLASSES[self.road_class]
         return Shaping(2 * math.pi * ROAD_REFERENCE * math.sqrt(level * self.speed), 1, ())
 
-    def _inside(self, frequency: Array) -> Array:
+    def inside(self, frequency: Array) -> Array:
+        """(2 pi f)^4 of the displacement density."""
         return np.asarray(np.abs(self.shaping.response(frequency)) ** 2)

@@ -120,5 +120,6 @@ class NarrowBand(Spectrum):
         raw = integrate(lambda f: np.abs(unit.response(f)) ** 2, self.knots).sum()
         return Shaping(self.rms / math.sqrt(raw), 1, poles)
 
-    def _inside(self, frequency: Array) -> Array:
+    def inside(self, frequency: Array) -> Array:
+        """Power of the filter."""
         return np.asarray(np.abs(self.shaping.response(frequency)) ** 2)

@@ -7,6 +7,7 @@ square is the integral over positive frequencies only.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import reprlib
 from abc import ABC, abstractmethod
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 KNOTS = 65  # of a smooth density over its band, evenly spaced in log f
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
 MOST_TABLE = 100_000  # points
+SHORT_TABLE = 16  # points, of a table that is shown in full
 
 
 class Spectrum(ABC):
@@ -33,8 +35,8 @@ class Spectrum(ABC):
     high: float
 
     @abstractmethod
-    def _inside(self, frequency: Array) -> Array:
-        """Density at frequencies inside the band."""
+    def inside(self, frequency: Array) -> Array:
+        """Density in (m/s2)^2/Hz at frequencies in Hz that lie in the band, same shape."""
 
     @property
     def knots(self) -> Array:
@@ -54,9 +56,9 @@ class Spectrum(ABC):
     def density(self, frequency: ArrayLike) -> Array:
         """Acceleration density in (m/s2)^2/Hz at `frequency` in Hz, same shape."""
         f = np.asarray(frequency, dtype=float)
-        inside = (f >= self.low) & (f <= self.high)
-        safe = np.where(inside, f, self.low)
-        return np.where(inside, self._inside(safe), 0.0)
+        within = (f >= self.low) & (f <= self.high)
+        safe = np.where(within, f, self.low)
+        return np.where(within, self.inside(safe), 0.0)
 
     def mean_squares(self, edges: ArrayLike, power: int = 0) -> Array:
         """Integrals of G (2 pi f)^power between neighbouring `edges` in Hz, (k+1,) -> (k,).
@@ -68,7 +70,7 @@ class Spectrum(ABC):
         clipped = np.clip(bounds, self.low, self.high)
         knots = self.knots
         points = np.union1d(clipped, knots[(knots > clipped[0]) & (knots < clipped[-1])])
-        pieces = integrate(lambda f: self._inside(f) * (2 * np.pi * f) ** power, points)
+        pieces = integrate(lambda f: self.inside(f) * (2 * np.pi * f) ** power, points)
         place = np.searchsorted(bounds, (points[:-1] + points[1:]) / 2, side="right") - 1
         result = np.zeros(bounds.size - 1)
         np.add.at(result, place, pieces)
@@ -123,7 +125,7 @@ class SpectrumFormula(Spectrum):
         low, high = check_band("SpectrumFormula", self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
-        values = self._inside(self.knots)
+        values = self.inside(self.knots)
         wrong = ~((values >= 0.0) & np.isfinite(values))
         if np.any(wrong):
             k = int(np.argmax(wrong))
@@ -132,7 +134,14 @@ class SpectrumFormula(Spectrum):
                 "must be finite and >= 0."
             )
 
-    def _inside(self, frequency: Array) -> Array:
+    def __repr__(self) -> str:
+        """Band, and what identifies the function: its values."""
+        name = getattr(self.function, "__name__", "function")
+        digest = digest_of(self.inside(self.knots))
+        return f"SpectrumFormula({name}, low={self.low!r}, high={self.high!r}, sha256={digest!r})"
+
+    def inside(self, frequency: Array) -> Array:
+        """Values of the function."""
         return np.broadcast_to(np.asarray(self.function(frequency), dtype=float), frequency.shape)
 
 
@@ -212,7 +221,18 @@ class SpectrumTable(Spectrum):
         """Smallest spacing of the table, or the low cut."""
         return min(self.low, float(np.diff(self.frequency).min()))
 
-    def _inside(self, frequency: Array) -> Array:
+    def __repr__(self) -> str:
+        """The table, or its band and digest where it is long."""
+        if len(self.frequency) <= SHORT_TABLE:
+            return f"SpectrumTable({self.frequency!r}, {self.values!r})"
+        digest = digest_of(np.array([self.frequency, self.values]))
+        return (
+            f"SpectrumTable({len(self.frequency)} points, {self.low!r} .. {self.high!r} Hz, "
+            f"sha256={digest!r})"
+        )
+
+    def inside(self, frequency: Array) -> Array:
+        """Straight lines in logarithms."""
         logs = np.interp(np.log(frequency), np.log(self.frequency), np.log(self.values))
         return np.asarray(np.exp(logs))
 
@@ -221,6 +241,11 @@ def integrate(function: Callable[[Array], Array], points: Array) -> Array:
     """Integrals of a smooth function between neighbouring points, (k+1,) -> (k,)."""
     half = np.diff(points)[:, None] / 2
     return np.asarray((function(points[:-1, None] + half * (1.0 + POINTS)) * half) @ WEIGHTS)
+
+
+def digest_of(values: Array) -> str:
+    """SHA-256 of numbers as little-endian doubles."""
+    return hashlib.sha256(np.asarray(values, dtype="<f8").tobytes()).hexdigest()
 
 
 def check_band(name: str, low: float, high: float, hint: str = "") -> tuple[float, float]:
