@@ -78,6 +78,15 @@ def test_force_of_the_body_on_its_cushion():
     assert run.attrs["energy_residual"] < 1e-8
 
 
+def test_forces_of_links_are_those_across_them():
+    system = on_cushion(sd.KelvinVoigt(60e3, 700.0))
+    response = sd.frequency_response(system, frequency=FREQUENCY)
+    s = 2j * np.pi * FREQUENCY
+    stretch = response.relative_displacement.sel(pair="m1-seat_surface").values
+    link = response.element_force.sel(element="seat-m1 link").values
+    np.testing.assert_allclose(link, (45005.0 + 1360.0 * s) * stretch / s**2, rtol=1e-10)
+
+
 def test_zener_cushion_in_time_is_its_frequency_response():
     foam, f = sd.Zener(50e3, 40e3, 0.015), 3.7
     state = sd.steady_state(on_cushion(foam), sd.Sine(f, amplitude=1.0))
@@ -95,6 +104,9 @@ def test_zener_cushion_in_time_is_its_frequency_response():
     wanted = np.abs(np.linalg.solve(matrix, [suspension, 0, 0]))
     got = [float(state.amplitude.sel(output=f"acc_{node}")) for node in state.node.values]
     np.testing.assert_allclose(got, wanted, rtol=1e-6)
+    response = sd.frequency_response(on_cushion(foam), frequency=[f]).transmissibility[:, 0]
+    np.testing.assert_allclose(np.abs(response), wanted, rtol=1e-12)
+    assert sd.poles(on_cushion(foam)).sizes["root"] == 7
 
 
 def test_seat_factor_is_taken_at_the_surface():

@@ -345,13 +345,19 @@ def test_settled_states_are_at_rest(name):
         assert out[0] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["dahl", "lugre", "bouc-wen"])
-def test_tangent_of_stuck_friction(name):
+@pytest.mark.parametrize("name", [name for name in LAWS if name not in SKY[1:]])
+def test_linear_form_is_the_element_at_small_motion(name):
+    """A travel of a nanometre, too little to slide."""
     element = LAWS[name][0]
-    linear = element.linearised()
-    k, c = element.tangent()
-    s = 1j * 1e3
-    assert complex(linear.stiffness(s)) == pytest.approx(k + c * s, rel=1e-6)
+    element = dataclasses.replace(element, x0=0.0) if name == "spencer" else element
+    wanted = complex(element.linearised().stiffness(2j * np.pi * 5.0))
+    assert complex_stiffness(element, 5.0, 1e-9) == pytest.approx(wanted, rel=2e-4)
+
+
+@pytest.mark.parametrize("name", SKY[1:])
+def test_switching_dampers_have_no_linear_form(name):
+    with pytest.raises(sd.ModelError, match="no tangent at rest"):
+        LAWS[name][0].linearised()
 
 
 def test_skyhook_force_follows_the_absolute_velocity():
@@ -368,6 +374,44 @@ def test_skyhook_force_follows_the_absolute_velocity():
 
 
 # ---------------------------------------------------------------- analyses
+
+
+def test_poles_of_a_zener_are_the_roots_of_its_polynomial():
+    """m s^2 (1 + tau s) + (k0 + c s)(1 + tau s) + k1 tau s = 0: a pair and a real root."""
+    system = oscillator(sd.Damper(40.0), LAWS["zener"][0], mass=60.0)
+    inertia, relaxing = [60.0, 40.0, 5e3], [0.02, 1.0]
+    roots = np.roots(np.polyadd(np.polymul(inertia, relaxing), [8e3 * 0.02, 0.0]))
+    found = sd.poles(system)
+    key = lambda z: (z.real, z.imag)  # noqa: E731
+    np.testing.assert_allclose(
+        sorted(found.pole.values, key=key), sorted(roots, key=key), rtol=1e-10
+    )
+    assert found.sizes["mode"] == 2
+    assert found.attrs["ignored"] == "[]"
+
+
+def test_frequency_response_with_a_zener_is_its_formula():
+    system = oscillator(sd.Damper(40.0), LAWS["zener"][0], mass=60.0)
+    f = np.array([0.5, 2.2, 9.0])
+    s = 2j * np.pi * f
+    foam = 5e3 + 8e3 * 0.02 * s / (1 + 0.02 * s)
+    travel = -60.0 * s**2 / (60.0 * s**2 + foam + 40.0 * s)
+    response = sd.frequency_response(system, frequency=f)
+    np.testing.assert_allclose(response.transmissibility[0], 1 + travel, rtol=1e-12)
+    np.testing.assert_allclose(
+        response.element_force.sel(element="Zener"), foam * travel / s**2, rtol=1e-12
+    )
+
+
+def test_linear_analyses_leave_out_or_take_the_linear_form():
+    plain = paper_system(LAWS["dahl"][0])
+    assert sd.poles(plain).attrs["ignored"] == '["DahlFriction"]'
+    stuck = paper_system(k=9950.0 + 2e4, c=265.0)
+    np.testing.assert_allclose(
+        sd.poles(plain, linearise="tangent").pole, sd.poles(stuck).pole, rtol=1e-9
+    )
+    with pytest.raises(sd.RequestError, match="Zener"):
+        sd.zeros(paper_system(LAWS["zener"][0]), output="m1")
 
 
 def test_steady_state_of_a_zener_is_its_frequency_response():

@@ -51,16 +51,22 @@ class StateSpace(NamedTuple):
 
 
 def as_linear_model(
-    system: Linearisable, linearise: Linearise = None, *, delays: bool = False
+    system: Linearisable,
+    linearise: Linearise = None,
+    *,
+    delays: bool = False,
+    memory: bool = False,
 ) -> LinearModel:
     """Return the matrices of a system or body; matrices given as such are passed on.
 
-    `delays` says that the caller takes delayed forces into account.
+    `delays` says that the caller takes delayed forces into account, `memory` the same for elements
+    with states of their own.
 
     Raises
     ------
     RequestError
-        `system` is something else, `linearise` is asked of matrices, or forces are delayed.
+        `system` is something else, `linearise` is asked of matrices, or forces are delayed or
+        elements have states that the caller has no place for.
     ModelError
         A free node has no mass: the order of the system would depend on it.
     """
@@ -85,6 +91,8 @@ def as_linear_model(
         )
     if not delays:
         model.refuse_delays()
+    if not memory:
+        model.refuse_relaxing()
     return model
 
 
@@ -96,6 +104,8 @@ def dynamic_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
     for group in model.delayed:
         late = group.stiffness[:n, :n] + z * group.damping[:n, :n]
         total = total + np.exp(-z * group.delay) * late
+    for one in model.relaxing:
+        total = total + one.element.stiffness(s)[..., None, None] * np.outer(*2 * [one.across[:n]])
     return np.asarray(total)
 
 
@@ -188,7 +198,7 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     >>> sd.poles(sd.load_body("ksiazek1997_back_off")).fd.values.round(2).tolist()
     [4.74, 8.25]
     """
-    model = as_linear_model(system, linearise, delays=True)
+    model = as_linear_model(system, linearise, delays=True, memory=True)
     upper, _, every, above = _sorted_modes(model)
     stable = on_left(upper.real, np.max(np.abs(every)))
     stable[0] &= not pole_at_zero(every, dynamic_stiffness(model, np.zeros((), dtype=complex)).real)
@@ -237,7 +247,7 @@ def modes(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     >>> sd.modes(sd.load_body("ksiazek1997_back_off")).sizes["node"]
     2
     """
-    model = as_linear_model(system, linearise, delays=True)
+    model = as_linear_model(system, linearise, delays=True, memory=True)
     upper, shapes, *_ = _sorted_modes(model)
     return labelled(
         {
@@ -357,13 +367,13 @@ def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
         )
     above = -np.inf
     if model.delayed:
+        model.refuse_relaxing()
         from seatdyn.analysis.delay import rightmost_roots
 
         values, above = rightmost_roots(model)
         vectors = np.linalg.svd(dynamic_stiffness(model, values))[2][:, -1].conj().T
     else:
-        a = companion(model.mass, model.damping, model.stiffness)
-        values, vectors = np.linalg.eig(a)
+        values, vectors = np.linalg.eig(_state_matrix(model))
     values = values.astype(complex)
     order = np.lexsort((-values.imag, values.real, np.abs(values)))
     upper = np.array([i for i in order if values[i].imag >= 0.0])
@@ -371,6 +381,27 @@ def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
     largest = np.argmax(np.abs(shapes), axis=1)[:, None]
     shapes = shapes / np.take_along_axis(shapes, largest, axis=1)
     return values[upper], shapes, with_conjugates(values[upper]), above
+
+
+def _state_matrix(model: LinearModel) -> Array:
+    """A of y' = A y with y the displacements, the velocities, and the states of elements."""
+    prompt, n = model.prompt, model.size
+    k, c = prompt.stiffness.copy(), prompt.damping.copy()
+    for one in model.relaxing:
+        b = one.across[:n]
+        k += one.element.k * np.outer(b, b)
+        c += one.element.g * np.outer(b, b)
+    a = companion(prompt.mass, c, k)
+    for one in model.relaxing:
+        b, size = one.across[:n], len(a)
+        grown = np.zeros((size + len(one.element.b),) * 2)
+        grown[:size, :size] = a
+        grown[n : 2 * n, size:] = -np.outer(np.linalg.solve(prompt.mass, b), one.element.c)
+        grown[size:, :n] = np.outer(one.element.b, b)
+        grown[size:, n : 2 * n] = np.outer(one.element.e, b)
+        grown[size:, size:] = one.element.a
+        a = grown
+    return a
 
 
 def with_conjugates(upper: ComplexArray) -> ComplexArray:

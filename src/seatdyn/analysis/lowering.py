@@ -30,7 +30,7 @@ def lower(
     if not delays:
         refuse_delays(system.delays)
     if not memory:
-        refuse_memory(system)
+        refuse_memory([element.name for element in system.memory_elements])
     linear = system.linear.prompt
     n = linear.size
     masses = np.diag(linear.mass)

@@ -77,7 +77,7 @@ def frequency_response(
     >>> round(abs(r.apparent_mass.item()), 3)  # not the sum of the masses: the body is active
     61.663
     """
-    model = as_linear_model(system, linearise, delays=True)
+    model = as_linear_model(system, linearise, delays=True, memory=True)
     f = checked_frequencies(frequency)
     if not isinstance(system, LinearModel):
         person = system.body if isinstance(system, SeatSystem) else system
@@ -113,9 +113,13 @@ def frequency_response(
             np.exp(-s * delay) * (k @ motion + s * (c @ motion) + k.sum() + s * c.sum()) / s**2
             for _, k, c, delay in rows
         ]
-        table = np.array(forces, dtype=complex).reshape(len(rows), f.size)
+        forces += [
+            one.element.stiffness(s) * (one.across @ motion) / s**2 for one in model.relaxing
+        ]
+        names = [name for name, *_ in rows] + [one.name for one in model.relaxing]
+        table = np.array(forces, dtype=complex).reshape(len(names), f.size)
         variables["element_force"] = (("element", *along), table, "N s2/m", "element force")
-        coords["element"] = _unique([name for name, *_ in rows])
+        coords["element"] = _unique(names)
     if isinstance(system, SeatSystem):
         body = linear_model(system.body)
         seat = model.index(system.contact)
@@ -282,6 +286,8 @@ def _force_rows(
 
     body = system.body if isinstance(system, SeatSystem) else system
     elements = system.all_elements if isinstance(system, SeatSystem) else ()
+    if isinstance(system, SeatSystem):
+        place[SEAT], seat = place[system.contact], place[SEAT]  # what the body sits on
     rows: list[ForceRow] = []
     for link in body.links:
         pull = row({link.between[0]: -1.0, link.between[1]: 1.0})
@@ -293,6 +299,8 @@ def _force_rows(
             target = k if term.of == "displacement" else c
             target -= term.gain * row(dict(term.weights))
         rows.append((f"{force.on}-{force.reaction} feedback", k, c, force.delay))
+    if isinstance(system, SeatSystem):
+        place[SEAT] = seat
     for element in elements:
         if isinstance(element, LinearElement):
             stiffness, damping = element.linear

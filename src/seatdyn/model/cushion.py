@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from seatdyn.kernels import memory_laws as laws
 from seatdyn.model.elements import LinearElement
-from seatdyn.model.memory import MemoryElement, MemoryLaw
+from seatdyn.model.memory import LinearMemory, MemoryElement, MemoryLaw
 from seatdyn.units import DAMPING, STIFFNESS, quantity
 
 
@@ -40,6 +42,7 @@ class Zener(MemoryElement):
     """
 
     states: ClassVar = (("dashpot", "m"),)
+    is_linear: ClassVar = True
     stiffness: float = quantity("N/m", **STIFFNESS)
     relaxing: float = quantity("N/m", **STIFFNESS)
     time: float = quantity("s", minimum=1e-6, maximum=1e4)
@@ -48,6 +51,13 @@ class Zener(MemoryElement):
         """The law, linear."""
         parameters = (self.stiffness, self.relaxing, self.time)
         return MemoryLaw(laws.zener_force, laws.zener_rate, parameters, (1e-3,))
+
+    def linearised(self) -> LinearMemory:
+        """The element itself."""
+        rate = np.array([1.0 / self.time])
+        force = np.array([-self.relaxing])
+        k = self.stiffness + self.relaxing
+        return LinearMemory(np.diag(-rate), rate, np.zeros(1), force, k, 0.0)
 
     def settled(self, d: float) -> tuple[float, ...]:
         """The dashpot has given way."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from seatdyn.errors import ModelError
 from seatdyn.kernels import memory_laws as laws
-from seatdyn.model.memory import AT_REST, MemoryElement, MemoryLaw
+from seatdyn.model.memory import AT_REST, LinearMemory, MemoryElement, MemoryLaw
 from seatdyn.units import DAMPING, FORCE, SPEED, STIFFNESS, Limits, quantity
 
 ABOVE_ZERO = 1e-9  # N, N/m, m/s: smallest of what a law divides by
@@ -45,9 +45,9 @@ class DahlFriction(MemoryElement):
         """No force."""
         return (0.0,)
 
-    def tangent(self) -> tuple[float, float]:
+    def linearised(self) -> LinearMemory:
         """Stiffness of the stuck contact, and the viscous damping."""
-        return (self.stiffness, self.viscous)
+        return LinearMemory.without_states(self.stiffness, self.viscous)
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ class LuGreFriction(MemoryElement):
         """Straight bristles."""
         return (0.0,)
 
-    def tangent(self) -> tuple[float, float]:
+    def linearised(self) -> LinearMemory:
         """Stiffness sigma0 and damping sigma1 + c of the stuck contact."""
-        return (self.stiffness, self.damping + self.viscous)
+        return LinearMemory.without_states(self.stiffness, self.damping + self.viscous)
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,7 @@ class BoucWen(MemoryElement):
         """No hysteretic displacement."""
         return (0.0,)
 
-    def tangent(self) -> tuple[float, float]:
+    def linearised(self) -> LinearMemory:
         """Stiffness alpha k + (1 - alpha) k A at rest, and c."""
-        return (self.stiffness * (self.share + (1.0 - self.share) * self.scale), self.viscous)
+        stiffness = self.stiffness * (self.share + (1.0 - self.share) * self.scale)
+        return LinearMemory.without_states(stiffness, self.viscous)

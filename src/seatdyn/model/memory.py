@@ -45,6 +45,12 @@ class LinearMemory:
     k: float
     g: float
 
+    @classmethod
+    def without_states(cls, stiffness: float, damping: float) -> LinearMemory:
+        """A spring and a damper."""
+        none = np.zeros(0)
+        return cls(np.zeros((0, 0)), none, none, none, stiffness, damping)
+
     def stiffness(self, s: ArrayLike) -> NDArray[np.complex128]:
         """Force per displacement at the Laplace variable s (1/s), in N/m, same shape."""
         points = np.asarray(s, dtype=complex)
@@ -59,6 +65,7 @@ class MemoryElement(Element, ABC):
     """Base of the elements with states of their own."""
 
     states: ClassVar[tuple[tuple[str, str], ...]]  # names and units
+    is_linear: ClassVar[bool] = False  # exactly, at any amplitude
 
     @abstractmethod
     def lower(self) -> MemoryLaw:
@@ -69,7 +76,13 @@ class MemoryElement(Element, ABC):
         """States after a long rest at the displacement d (m), reached without friction."""
 
     def linearised(self) -> LinearMemory:
-        """The element for small motions about rest, by differences of its law."""
+        """The element for small motions about rest, by differences of its law.
+
+        Raises
+        ------
+        ModelError
+            A law that has no linear form even at the smallest motion.
+        """
         law = self.lower()
         start = self.settled(0.0)
         count = len(start)

@@ -13,8 +13,8 @@ from typing import ClassVar, Literal
 from seatdyn.errors import ModelError
 from seatdyn.kernels import memory_laws as laws
 from seatdyn.model.dampers import check_order
-from seatdyn.model.friction import SLOPE
-from seatdyn.model.memory import AT_REST, MemoryElement, MemoryLaw
+from seatdyn.model.friction import SLOPE, no_tangent
+from seatdyn.model.memory import AT_REST, LinearMemory, MemoryElement, MemoryLaw
 from seatdyn.units import DAMPING, FORCE, Limits, number, quantity, suggestion
 
 Control = Literal["passive", "skyhook", "on-off skyhook", "acceleration"]
@@ -82,6 +82,11 @@ class SemiActiveDamper(MemoryElement):
             laws.semi_active_force, laws.semi_active_rate, (*limits, *control), (size,), AT_REST
         )
 
+    def linearised(self) -> LinearMemory:
+        """The passive damper; a switched one is not linear at any amplitude."""
+        refuse_switching(self)
+        return super().linearised()
+
     def settled(self, d: float) -> tuple[float, ...]:
         """The passive command, or the smallest coefficient."""
         return (self.minimum if self.command is None else self.command,)
@@ -139,9 +144,20 @@ class MRDamper(MemoryElement):
             AT_REST,
         )
 
+    def linearised(self) -> LinearMemory:
+        """The passive damper; a switched one is not linear at any amplitude."""
+        refuse_switching(self)
+        return super().linearised()
+
     def settled(self, d: float) -> tuple[float, ...]:
         """The passive command, or no current."""
         return (self.command or 0.0,)
+
+
+def refuse_switching(element: SemiActiveDamper | MRDamper) -> None:
+    """Refuse the linear form of a damper whose control law switches."""
+    if element.control != "passive":
+        raise no_tangent(element, f"{element.control!r} switches at any amplitude")
 
 
 def control_parameters(element: SemiActiveDamper | MRDamper) -> tuple[float, ...]:

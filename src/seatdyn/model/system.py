@@ -12,6 +12,7 @@ from M, C, K, one `DelayedForces` for each delay; a delayed non-linear force has
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from seatdyn.errors import ModelError, RequestError
 from seatdyn.model.body import SEAT, SeatedBody
 from seatdyn.model.elements import Element, LinearElement, NonlinearElement
-from seatdyn.model.memory import MemoryElement
+from seatdyn.model.memory import LinearMemory, MemoryElement
 from seatdyn.model.seat import CUSHION, SEAT_SURFACE, Seat
 from seatdyn.units import suggestion
 
@@ -56,11 +57,21 @@ class DelayedForces:
 
 
 @dataclass(frozen=True)
+class Relaxing:
+    """A linear element with states of its own across one pair of nodes, `across` (N+1,)."""
+
+    name: str
+    across: Array
+    element: LinearMemory
+
+
+@dataclass(frozen=True)
 class LinearModel:
     """The linear part as arrays; N free nodes, the driven node last in the extended matrices.
 
-    The matrices hold what acts at once. Where forces are delayed, the four properties below refuse:
-    they are not the system. Who adds `delayed` himself takes them from `prompt`.
+    The matrices hold what acts at once. Where forces are delayed, or elements relax, the four
+    properties below refuse: they are not the system. Who adds `delayed` and `relaxing` himself
+    takes them from `prompt`.
 
     mass, damping, stiffness : (N, N), kg, N s/m, N/m; not symmetric where the body is active
     drive_stiffness, drive_damping : (N,), forces per displacement and velocity of the driven node
@@ -68,6 +79,7 @@ class LinearModel:
     active_stiffness, active_damping : (N+1, N+1), feedback forces only
     parameters : named parameters that enter by a rank-one term
     delayed : forces that act late
+    relaxing : elements with states of their own
     """
 
     nodes: tuple[str, ...]
@@ -80,6 +92,7 @@ class LinearModel:
     parameters: dict[str, RankOne] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
     delayed: tuple[DelayedForces, ...] = ()
+    relaxing: tuple[Relaxing, ...] = ()
 
     @property
     def size(self) -> int:
@@ -88,13 +101,18 @@ class LinearModel:
 
     @cached_property
     def prompt(self) -> LinearModel:
-        """The same without its delayed forces."""
-        return replace(self, delayed=())
+        """The same without its delayed forces and relaxing elements."""
+        return replace(self, delayed=(), relaxing=())
 
     def refuse_delays(self) -> None:
         """Raise a RequestError where forces are delayed: for who has no place for them."""
         if self.delayed:
             refuse_delays(tuple(sorted({group.delay for group in self.delayed})))
+        self.refuse_relaxing()
+
+    def refuse_relaxing(self) -> None:
+        """Raise a RequestError where elements have states of their own."""
+        refuse_memory([element.name for element in self.relaxing])
 
     @cached_property
     def stiffness(self) -> Array:
@@ -313,6 +331,7 @@ def linear_model(
     parameters: dict[str, RankOne] = {}
     ignored: list[str] = []
     late: dict[tuple[float, bool], DelayedForces] = {}
+    relaxing: list[Relaxing] = []
 
     def matrices(delay: float, active: bool) -> tuple[Array, Array]:
         """Where forces with this delay are summed."""
@@ -351,6 +370,9 @@ def linear_model(
                 add_pair(element.between, *element.linear, element.delay)
             elif linearise == "tangent" and isinstance(element, NonlinearElement):
                 add_pair(element.between, *element.tangent(), element.delay)
+            elif isinstance(element, MemoryElement) and (element.is_linear or linearise):
+                across = incidence(*element.between)
+                relaxing.append(Relaxing(element.name, across, element.linearised()))
             else:
                 ignored.append(element.name)
         b = incidence(BASE, SEAT)
@@ -372,6 +394,7 @@ def linear_model(
         parameters=parameters,
         ignored=tuple(ignored),
         delayed=tuple(late.values()),
+        relaxing=tuple(relaxing),
     )
 
 
@@ -409,11 +432,11 @@ def refuse_delays(delays: tuple[float, ...]) -> None:
         )
 
 
-def refuse_memory(system: SeatSystem) -> None:
+def refuse_memory(names: Sequence[str]) -> None:
     """Raise a RequestError that names the elements with states of their own, if there are any."""
-    names = [element.name for element in system.memory_elements]
     if names:
         raise RequestError(
             "This analysis does not know elements with states of their own, such as "
-            f"{', '.join(names)} here. Use simulate, or steady_state by time integration."
+            f"{', '.join(names)} here. Use simulate, or steady_state by time integration; of "
+            "linear ones, poles and frequency_response."
         )
