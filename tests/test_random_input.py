@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import stats
 from scipy.integrate import cumulative_simpson, quad
 
 import seatdyn as sd
+from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Synthesis, member_generator, synthesise_many
 from seatdyn.standards.inputs import INPUT_CLASSES
 
@@ -335,3 +337,29 @@ def test_random_motion_drives_a_run():
     assert abs(run.attrs["energy_residual"]) < 1e-7
     other = sd.simulate(system, motion.of_member(1), duration=10.0, output_step=0.01)
     assert np.abs(run.acceleration - other.acceleration).max() > 1.0
+
+
+@dataclass(frozen=True)
+class OnePeak(Spectrum):
+    """A spectrum of one's own, as CONTRIBUTING shows it."""
+
+    level: float
+    peak: float
+    ratio: float
+    low: float
+    high: float
+
+    def inside(self, frequency):
+        f, f0 = frequency, self.peak
+        return self.level * f**4 / ((f0**2 - f**2) ** 2 + (2 * self.ratio * f0 * f) ** 2)
+
+
+def test_a_spectrum_of_ones_own_needs_its_band_and_density_only():
+    own = OnePeak(0.2, 2.0, 0.3, 0.4, 8.0)
+    square = quad(lambda f: float(own.density(f)), 0.4, 8.0)[0]
+    assert own.acceleration_rms() == pytest.approx(math.sqrt(square), rel=1e-9)
+    motion = synthesise_many(own, 60.0, seed=1, members=20)
+    error = relative_error(own, 0, 1200.0)
+    assert np.mean(motion.acceleration**2) == pytest.approx(square, rel=4 * error)
+    assert own.shaping is None
+    assert sd.RandomMotion(own, 60.0, seed=1).steady[0] > 0.5
