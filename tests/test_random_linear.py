@@ -187,6 +187,17 @@ def test_ignored_elements_are_named():
     assert tangent.rms.sel(output="F_nonlinear").item() > 0.0
 
 
+def test_elements_with_states_are_left_out_by_name_or_refused():
+    system = paper_system(sd.Zener(1000.0, 2000.0, 0.1), sd.QuadraticDamper(100.0))
+    response = linear_response(system, EM3)
+    assert response.attrs["ignored"] == '["Zener", "QuadraticDamper"]'
+    np.testing.assert_allclose(response.rms, linear_response(paper_system(), EM3).rms, rtol=1e-12)
+    with pytest.raises(sd.RequestError, match="states of their own, such as Zener"):
+        linear_response(system, EM3, linearise="tangent")
+    with pytest.raises(sd.RequestError, match="states of their own, such as Zener"):
+        sd.statistical_linearisation(system, EM3)
+
+
 @pytest.mark.parametrize(
     ("ask", "message"),
     [

@@ -52,7 +52,7 @@ def linear_map(system: SeatSystem, gains: Sequence[Gain] | None = None) -> Linea
     Parameters
     ----------
     gains : stiffness and damping of each non-linear element, in the order of the channels; None
-        leaves them out
+        leaves them out. Elements with states of their own are left out.
 
     Raises
     ------
@@ -61,8 +61,9 @@ def linear_map(system: SeatSystem, gains: Sequence[Gain] | None = None) -> Linea
     """
     linear_model(system, "tangent").refuse_delays()
     model, n = system.linear, system.linear.size
-    elements = channel_elements(system)
-    gains = [(0.0, 0.0)] * len(elements) if gains is None else gains
+    elements = (*channel_elements(system), *system.memory_elements)
+    known = [] if gains is None else list(gains)
+    gains = known + [(0.0, 0.0)] * (len(elements) - len(known))
     rows = np.array([_incidence(system, element.between) for element in elements])
     rows = rows.reshape(len(elements), n + 1)
     k, c = np.array(gains, dtype=float).reshape(-1, 2).T
@@ -116,7 +117,7 @@ def _output_table(system: SeatSystem) -> tuple[tuple[str, ...], Array]:
 
     Outputs are linear in these, so each column is what they are for a unit of one of them.
     """
-    n, e = system.linear.size, len(channel_elements(system))
+    n, e = system.linear.size, len(channel_elements(system)) + len(system.memory_elements)
     units = np.eye(3 + 3 * n + e)
     base, z, v, a, force = np.split(units, np.cumsum([3, n, n, n]), axis=1)
     samples = Samples(np.zeros(len(units)), base.T, z, v, a, force, np.zeros_like(force))

@@ -24,7 +24,7 @@ from seatdyn.analysis.outputs import named_outputs, unique_names
 from seatdyn.analysis.random_linear import NOTE, check_request, levels, output_coords
 from seatdyn.analysis.run import Samples
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
-from seatdyn.model.system import SeatSystem, linear_model
+from seatdyn.model.system import SeatSystem, linear_model, refuse_memory
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.units import number
 
@@ -84,6 +84,7 @@ def statistical_linearisation(
     'converged'
     """
     check_request(system, spectrum)
+    refuse_memory(system)
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     most = round(number(max_iterations, "max_iterations", "", minimum=1.0, error=RequestError))
     search = Search(system, spectrum)

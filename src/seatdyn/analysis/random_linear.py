@@ -20,9 +20,8 @@ from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.response import checked_frequencies
 from seatdyn.analysis.stability import is_stable
 from seatdyn.errors import RequestError, Status
-from seatdyn.model.elements import LinearElement, NonlinearElement
 from seatdyn.model.noise import quintic_segments
-from seatdyn.model.system import SeatSystem, linear_model
+from seatdyn.model.system import SeatSystem, linear_model, refuse_memory
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Kind, Synthesis
 from seatdyn.units import number
@@ -81,6 +80,8 @@ def linear_response(
     31.99
     """
     check_request(system, spectrum)
+    if linearise is not None:
+        refuse_memory(system)
     if method not in ("frequency", "lyapunov"):
         raise RequestError(f"method = {method!r} is not allowed; use 'frequency' or 'lyapunov'.")
     model = linear_model(system, linearise)
@@ -142,6 +143,8 @@ def linear_time_response(
     from scipy.stats import t as student
 
     check_request(system, spectrum)
+    if linearise is not None:
+        refuse_memory(system)
     number(realisations, "realisations", "", minimum=2.0, maximum=1e9, error=RequestError)
     model = linear_model(system, linearise)
     matrices = linear_map(system, tangents(system) if linearise == "tangent" else None)
@@ -227,12 +230,6 @@ def check_request(system: Any, spectrum: Any) -> None:
             f"system = {type(system).__name__} is not allowed: a random response needs a "
             "SeatSystem; put the body on a Seat: SeatSystem(body, Seat(mass, [...]))."
         )
-    for element in system.all_elements:
-        if not isinstance(element, LinearElement | NonlinearElement):
-            raise RequestError(
-                f"{element.name} has states of its own, which a linear random response and a "
-                "statistical linearisation do not know; use an ensemble of runs."
-            )
     if not isinstance(spectrum, Spectrum):
         raise RequestError(
             f"spectrum = {spectrum!r} is no spectrum; use NarrowBand, SpectrumTable, "
