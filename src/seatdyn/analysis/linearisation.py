@@ -19,10 +19,9 @@ from scipy.special import ndtr
 from seatdyn.analysis.covariance import in_frequency
 from seatdyn.analysis.gaussian import Equivalent, equivalent
 from seatdyn.analysis.linear import labelled
-from seatdyn.analysis.linear_map import channel_elements, linear_map
-from seatdyn.analysis.outputs import named_outputs, unique_names
-from seatdyn.analysis.random_linear import NOTE, check_request, levels, output_coords
-from seatdyn.analysis.run import Samples
+from seatdyn.analysis.linear_map import channel_elements, linear_map, output_table
+from seatdyn.analysis.outputs import unique_names
+from seatdyn.analysis.random_linear import NOTE, check_request, is_settling, levels, output_coords
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
 from seatdyn.model.system import SeatSystem, linear_model, refuse_memory
 from seatdyn.signals.spectrum import Spectrum
@@ -84,7 +83,7 @@ def statistical_linearisation(
     'converged'
     """
     check_request(system, spectrum)
-    refuse_memory(system)
+    refuse_memory([element.name for element in system.memory_elements if not element.is_linear])
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     most = round(number(max_iterations, "max_iterations", "", minimum=1.0, error=RequestError))
     search = Search(system, spectrum)
@@ -108,16 +107,16 @@ class Search:
         self.channel = [j for j, channel in enumerate(system.channels) for _ in channel.elements]
         self.spread = np.zeros((len(system.channels), 2))  # r.m.s. travel and speed of a channel
         self.travel = np.zeros(len(system.channels))  # mean, m
-        self.mean = np.zeros(system.linear.size)  # of the nodes, m
         self.equivalents: list[Equivalent] = []
         self.matrices = linear_map(system)
+        self.mean = np.zeros(len(self.matrices.a))  # of the states
         self.iterations, self.change = 0, np.inf
 
     def solve(self, tolerance: float, most: int) -> Status:
         """Iterate until the levels stay."""
         if not self.elements:
             self.change = 0.0
-            return Status.CONVERGED if self._is_stable() else Status.UNSTABLE
+            return Status.CONVERGED if is_settling(self.matrices) else Status.UNSTABLE
         place, miss = self._begin()
         if miss is None:
             return Status.UNSTABLE
@@ -156,32 +155,31 @@ class Search:
         ]
         gains = [(e.stiffness, e.damping) for e in self.equivalents]
         m = self.matrices = linear_map(self.system, gains)
-        if not self._is_stable():
+        if not is_settling(m):
             return None
         rows, base = m.across.reshape(-1, len(m.a)), m.across_base.reshape(-1, 3)
         squares = np.diagonal(in_frequency(m.a, m.b, rows, base, self.spectrum).covariance)
         miss = np.empty_like(place)
         miss[:, :2] = np.log(squares).reshape(-1, 2) / 2 - place[:, :2]
         self.mean = self._balance()
-        travel = m.across[:, 0, : self.mean.size] @ self.mean
+        travel = m.across[:, 0] @ self.mean
         miss[:, 2] = (travel - self.travel) / self.spread[:, 0]
         return miss
 
-    def _is_stable(self) -> bool:
-        return bool(np.all(np.linalg.eigvals(self.matrices.a).real < 0.0))
-
     def _balance(self) -> Array:
-        """Mean displacements of the nodes at which mean forces, linear about the mean, balance."""
-        n, m = self.mean.size, self.matrices
+        """Mean of the states at which mean forces, linear about the mean, balance."""
+        n, m = self.system.linear.size, self.matrices
         push = [
             e.stiffness * self.travel[j] - (e.mean if abs(e.mean) > ROUNDING * e.rms else 0.0)
             for e, j in zip(self.equivalents, self.channel, strict=True)
         ]
         force = m.across[self.channel, 0, :n].T @ np.array(push)
         if not np.any(force):
-            return np.zeros(n)
+            return np.zeros(len(m.a))
+        rates = np.zeros(len(m.a))
+        rates[n : 2 * n] = np.linalg.solve(self.system.linear.mass, force)
         try:
-            return np.asarray(-np.linalg.solve(self.system.linear.mass @ m.a[n:, :n], force))
+            return np.asarray(-np.linalg.solve(m.a, rates))
         except np.linalg.LinAlgError:
             raise RequestError(
                 "The elements push to one side on average and no spring holds the seat there. "
@@ -215,11 +213,11 @@ class Search:
 
 def _means(search: Search) -> Array:
     """Mean of every output: the system at rest at its mean, with the mean forces."""
-    n, e = search.mean.size, len(search.equivalents)
-    force = np.array([item.mean for item in search.equivalents]).reshape(1, e)
-    still = np.zeros((1, n))
-    at_mean = Samples(np.zeros(1), np.zeros((3, 1)), search.mean[None], still, still, force, force)
-    return np.array([values[0] for values in named_outputs(search.system, at_mean).values()])
+    n, m = search.system.linear.size, search.matrices
+    force = m.forces @ search.mean
+    force[: len(search.equivalents)] = [item.mean for item in search.equivalents]
+    at_mean = np.concatenate([np.zeros(3), search.mean[:n], np.zeros(2 * n), force])
+    return np.asarray(output_table(search.system)[1] @ at_mean)
 
 
 def _dataset(search: Search, status: Status) -> xr.Dataset:

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatdyn.analysis.covariance import Covariance, in_frequency, in_state_space, transfer
-from seatdyn.analysis.linear import Linearise, labelled
+from seatdyn.analysis.linear import Linearise, labelled, on_left
 from seatdyn.analysis.linear_map import LinearMap, linear_map, tangents
 from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.response import checked_frequencies
-from seatdyn.analysis.stability import is_stable
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.noise import quintic_segments
-from seatdyn.model.system import SeatSystem, linear_model, refuse_memory
+from seatdyn.model.system import SeatSystem, linear_model
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Kind, Synthesis
 from seatdyn.units import number
@@ -80,14 +79,13 @@ def linear_response(
     31.99
     """
     check_request(system, spectrum)
-    if linearise is not None:
-        refuse_memory(system)
     if method not in ("frequency", "lyapunov"):
         raise RequestError(f"method = {method!r} is not allowed; use 'frequency' or 'lyapunov'.")
     model = linear_model(system, linearise)
-    matrices = linear_map(system, tangents(system) if linearise == "tangent" else None)
+    gains = tangents(system) if linearise == "tangent" else None
+    matrices = linear_map(system, gains, linearise=linearise)
     size = len(matrices.names)
-    stable = is_stable(system, linearise=linearise)
+    stable = is_settling(matrices)
     found = None
     if stable:
         route = in_frequency if method == "frequency" else in_state_space
@@ -143,12 +141,11 @@ def linear_time_response(
     from scipy.stats import t as student
 
     check_request(system, spectrum)
-    if linearise is not None:
-        refuse_memory(system)
     number(realisations, "realisations", "", minimum=2.0, maximum=1e9, error=RequestError)
     model = linear_model(system, linearise)
-    matrices = linear_map(system, tangents(system) if linearise == "tangent" else None)
-    stable = is_stable(system, linearise=linearise)
+    gains = tangents(system) if linearise == "tangent" else None
+    matrices = linear_map(system, gains, linearise=linearise)
+    stable = is_settling(matrices)
     squares = np.full((realisations, len(matrices.names)), np.nan)
     if stable:
         squares = _mean_squares(matrices, spectrum, duration, realisations, seed, kind)
@@ -221,6 +218,12 @@ def exact_step(a: Array, b: Array, step: float) -> tuple[Array, Array]:
     factorials = [math.factorial(j) for j in range(count)]
     derivatives = np.array(factorials)[:, None] * hermite
     return propagator[:size, :size], propagator[:size, size:] @ derivatives
+
+
+def is_settling(matrices: LinearMap) -> bool:
+    """Whether every free motion dies out, so that there is a stationary response."""
+    values = np.linalg.eigvals(matrices.a)
+    return bool(np.all(on_left(values.real, np.max(np.abs(values)))))
 
 
 def check_request(system: Any, spectrum: Any) -> None:
