@@ -169,7 +169,7 @@ def _answer(data: xr.Dataset, axis: str) -> dict[str, Any]:
         answer["transmissibility"] = {
             "frequency": part.frequency.values,
             "magnitude": abs(h),
-            "phase": np.degrees(np.angle(h)),
+            "phase": np.angle(h),
             "coherence": part.coherence.values,
             "random_error": part.random_error.values,
         }

@@ -11,6 +11,7 @@ from seatdyn.errors import MeasurementError
 
 Array = NDArray[np.float64]
 
+FEWEST_INSTANTS = 8
 UNEVEN = 1e-2  # of the sampling interval: a larger deviation is a gap
 SAME_RATE = 1e-3  # relative: what a stated rate may differ from that of the instants
 LARGEST_DRIFT = 0.5  # samples: what instants may wander from an even clock
@@ -26,15 +27,19 @@ def rate_of(time: Array, source: str, place: Callable[[int], str]) -> float:
 
     Parameters
     ----------
-    time : instants, at least two, finite
+    time : instants, at least 8, finite
     source : what they are from, for the messages
     place : name of a sample such as "line 17", for the messages
 
     Raises
     ------
     MeasurementError
-        Time runs backwards, samples are missing, or the rate changes.
+        Too few instants, time runs backwards, samples are missing, or the rate changes.
     """
+    if time.size < FEWEST_INSTANTS:
+        raise MeasurementError(
+            f"{source} has {time.size} samples; a record must have at least {FEWEST_INSTANTS}."
+        )
     steps = np.diff(time)
     if np.any(steps <= 0.0):
         i = int(np.argmax(steps <= 0.0))

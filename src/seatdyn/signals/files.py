@@ -6,6 +6,7 @@ memory holds the channels asked for and little else.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -211,11 +212,14 @@ def _read_wav(
     source = repr(str(file))
     _no_time(time, source)
     try:
-        found, data = wavfile.read(file)
-    except (ValueError, EOFError, IndexError, OSError) as error:
-        raise MeasurementError(
-            f"{source} is not a readable WAV file: {str(error).rstrip('.')}."
-        ) from None
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always", wavfile.WavFileWarning)
+            found, data = wavfile.read(file)
+    except Exception as error:  # scipy raises many kinds for a damaged file
+        raise MeasurementError(f"{source} is not a readable WAV file: {_text(error)}.") from None
+    # other notes are about chunks that hold no samples
+    if any("EOF" in str(note.message) for note in notes) or data.size == 0:
+        raise MeasurementError(f"{source} is cut off; copy it again from the recorder.")
     if rate is not None:
         require_rate(rate, found, source)
     table = data.reshape(data.shape[0], -1)
@@ -244,7 +248,10 @@ def _read_mat(
     time: Column | None,
     full_scale: float | None,
 ) -> Raw:
-    """Every vector is a channel; a matrix has one a column, "name_1", "name_2", ..."""
+    """Every vector is a channel, a matrix has one a column, "name_1", "name_2", ...
+
+    Without `columns` the longest ones are read; a file may hold results beside them.
+    """
     from scipy.io import loadmat
 
     source = repr(str(file))
@@ -256,13 +263,11 @@ def _read_mat(
             f"{source} is a MATLAB file of version 7.3; store it with save(..., '-v7')."
         ) from None
     except Exception as error:  # scipy raises many kinds for a damaged file
-        raise MeasurementError(
-            f"{source} is not a readable MATLAB file: {str(error).rstrip('.')}."
-        ) from None
+        raise MeasurementError(f"{source} is not a readable MATLAB file: {_text(error)}.") from None
     arrays = {
         name: np.asarray(value, dtype=float)
         for name, value in content.items()
-        if not name.startswith("__") and np.issubdtype(getattr(value, "dtype", "O"), np.number)
+        if not name.startswith("__") and getattr(value, "dtype", np.dtype("O")).kind in "iuf"
     }
     numbers = {n: float(a.item()) for n, a in arrays.items() if a.size == 1}
     vectors: dict[str, Array] = {}
@@ -295,7 +300,9 @@ def _read_mat(
             f"{source} has neither a vector of time nor a rate such as fs (variables "
             f"{', '.join(arrays)}); give the rate in Hz."
         )
-    chosen = _choose(list(vectors), columns, source)
+    longest = max((v.size for v in vectors.values()), default=0)
+    full = [name for name, v in vectors.items() if v.size == longest]
+    chosen = full if columns is None else _choose(list(vectors), columns, source)
     return Raw({name: vectors[name] for name in chosen}, rate, start, "")
 
 
@@ -333,6 +340,10 @@ def _read_logger(
     return Raw(
         {c.name: c.samples for c in chosen}, found or float(rate or 0.0), start, "".join(units)
     )
+
+
+def _text(error: Exception) -> str:
+    return str(error).rstrip(".") or type(error).__name__
 
 
 def _choose(names: list[str], columns: Sequence[Column] | None, source: str) -> list[str]:
