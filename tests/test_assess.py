@@ -215,7 +215,8 @@ def folder(tmp_path, monkeypatch):
     for name, values in columns.items():
         head = "time,floor,seat" if len(values) == 3 else "time,seat"
         np.savetxt(name, np.column_stack(values), delimiter=",", header=head, comments="")
-    (tmp_path / "gap.csv").write_text("time,a\n" + "".join(f"{i},1\n" for i in (0, 1, 2, 9, 10)))
+    instants = (0, 1, 2, *range(9, 20))
+    (tmp_path / "gap.csv").write_text("time,a\n" + "".join(f"{i},1\n" for i in instants))
     return tmp_path
 
 
