@@ -164,10 +164,4 @@ def with_delay(model: LinearModel, delay: float) -> LinearModel:
     if delay > 0.0:
         late = tuple(replace(group, delay=delay) for group in model.delayed)
         return replace(model, delayed=late)
-    k, c = model.passive_stiffness, model.passive_damping
-    return replace(
-        model,
-        delayed=(),
-        passive_stiffness=k + sum(group.stiffness for group in model.delayed),
-        passive_damping=c + sum(group.damping for group in model.delayed),
-    )
+    return model.undelayed

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.outputs import seen_by
 from seatdyn.analysis.run import Run, Samples
 from seatdyn.kernels import dense
 from seatdyn.kernels.columns import BREAKS, ELEMENTS, FIRST, ON_VELOCITY, SECOND, VALUE
@@ -82,20 +83,32 @@ def _extended(samples: Samples) -> tuple[Array, Array]:
 
 
 def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
-    """Power put in by the base, dissipated, and put in by the feedback forces, each (p,), W."""
-    system, linear = run.problem.system, run.problem.system.linear
+    """Power put in by the base, dissipated, and put in by the feedback forces, each (p,), W.
+
+    Delayed forces count among the feedback forces: they may put in power too.
+    """
+    system, linear = run.problem.system, run.problem.system.linear.prompt
     z, v = _extended(samples)
     dissipation = np.einsum("pi,ij,pj->p", v, linear.passive_damping, v)
     active = z @ linear.active_stiffness.T + v @ linear.active_damping.T
     feedback = -np.einsum("pi,pi->p", v, active)
     # force that the base exerts: the base row of all passive and active forces
     on_base = z @ linear.passive_stiffness[-1] + v @ linear.passive_damping[-1] + active[:, -1]
+    for group in system.linear.delayed:
+        z_then, v_then = _extended(seen_by(system, samples, group.delay))
+        force = z_then @ group.stiffness.T + v_then @ group.damping.T
+        feedback = feedback - np.einsum("pi,pi->p", v, force)
+        on_base = on_base + force[:, -1]
     plant = run.problem.plant
-    for j in range(len(system.channels)):
+    for j, channel in enumerate(system.channels):
         elements = slice(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS])
-        force, elastic = samples.force[:, elements], samples.elastic[:, elements]
+        seen = seen_by(system, samples, channel.delay)
+        force, elastic = seen.force[:, elements], seen.elastic[:, elements]
         speed = v[:, plant.channels[j, SECOND]] - v[:, plant.channels[j, FIRST]]
-        dissipation = dissipation + (force - elastic).sum(1) * speed
+        if channel.delay:
+            feedback = feedback - force.sum(1) * speed
+        else:
+            dissipation = dissipation + (force - elastic).sum(1) * speed
         if plant.channels[j, FIRST] < 0:
             on_base = on_base - force.sum(1)
         if plant.channels[j, SECOND] < 0:
@@ -112,12 +125,14 @@ def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
 
 def stored_energy(run: Run, samples: Samples) -> Array:
     """Kinetic and elastic energy in J, (p,)."""
-    linear, plant = run.problem.system.linear, run.problem.plant
+    linear, plant = run.problem.system.linear.prompt, run.problem.plant
     z, v = _extended(samples)
     moving = v[:, :-1]
     energy = 0.5 * np.einsum("pi,ij,pj->p", moving, linear.mass, moving)
     energy = energy + 0.5 * np.einsum("pi,ij,pj->p", z, linear.passive_stiffness, z)
-    for j in range(plant.gain.shape[0]):
+    for j, channel in enumerate(run.problem.system.channels):
+        if channel.delay:
+            continue
         d = z[:, plant.channels[j, SECOND]] - z[:, plant.channels[j, FIRST]]
         energy = energy + np.array([_potential(run, j, float(x)) for x in d])
     return np.asarray(energy)

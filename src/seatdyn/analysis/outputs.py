@@ -65,13 +65,14 @@ def element_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:
     column = {id(element): i for i, element in enumerate(order)}
     forces = {}
     for name, element in zip(unique_names(system.all_elements), system.all_elements, strict=True):
+        seen = seen_by(system, samples, element.delay)
         if isinstance(element, LinearElement):
             k, c = element.linear
-            d = across(system, samples, element.between, 0)
-            v = across(system, samples, element.between, 1)
+            d = across(system, seen, element.between, 0)
+            v = across(system, seen, element.between, 1)
             forces[name] = k * d + c * v
         else:
-            forces[name] = samples.force[:, column[id(element)]]
+            forces[name] = seen.force[:, column[id(element)]]
     return forces
 
 
@@ -84,6 +85,11 @@ def state_names(system: SeatSystem) -> tuple[list[str], list[str]]:
         for state, unit in element.states
     ]
     return [name for name, _ in pairs], [unit for _, unit in pairs]
+
+
+def seen_by(system: SeatSystem, samples: Samples, delay: float) -> Samples:
+    """What a force with this delay (s) answers to: the samples themselves, or those of the past."""
+    return samples.past[system.delays.index(delay)] if delay else samples
 
 
 def suspension_forces(system: SeatSystem, samples: Samples) -> dict[str, Array]:

@@ -94,6 +94,7 @@ class Samples(NamedTuple):
     elastic: Array  # (p, e) of the same at zero velocity
     states: Array | None = None  # (p, q) of the elements that have some; their forces come last
     outside: Array | None = None  # (p, l) forces on nodes
+    past: tuple[Samples, ...] = ()  # one delay earlier, for each delay of the system
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,10 @@ class Problem:
     @classmethod
     def make(cls, system: SeatSystem, motion: Motion, settings: Settings) -> Problem:
         """Lower `system` and `motion`."""
+        if system.delays:
+            from seatdyn.analysis.delay_time import LateProblem
+
+            return LateProblem.make(system, motion, settings)
         plant = lower(system, motion)
         longest = min(motion.longest_step, LONGEST_LADDER_STEP)
         ladder = make_ladder(plant, 2 * longest)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.delay_orbit import find_late_orbit
+from seatdyn.analysis.delay_time import LateProblem, LateState
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs, output_unit
@@ -116,12 +118,13 @@ def steady_state(
     return data
 
 
-def periodic_state(problem: Problem, excitation: Excitation) -> Array:
-    """State at t = 0 on the steady state, (2N,); refused where there is none."""
+def periodic_state(problem: Problem, excitation: Excitation) -> State:
+    """State at t = 0 on the steady state; refused where there is none."""
     orbit = find_orbit(problem, excitation, 1e-8, 5000)
     if orbit.status is not Status.CONVERGED or orbit.run is None:
         raise RequestError(f"initial = 'periodic' is not possible: {orbit.status.message}")
-    return orbit.run.end.y
+    end = orbit.run.end
+    return end if isinstance(end, LateState) else problem.start(end.y)
 
 
 class Orbit:
@@ -157,7 +160,17 @@ def find_orbit(
     linear = linear and not problem.system.memory_elements
     if linear and not is_stable(problem.system, linearise="tangent"):
         return Orbit(Status.UNSTABLE, period)
-    state = problem.start(initial_state(problem, excitation, "rest"))
+    if isinstance(problem, LateProblem):
+        found = find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
+        return Orbit(
+            found.status,
+            period,
+            found.run,
+            error=found.error,
+            multiplier=found.multiplier,
+            periods=found.periods,
+        )
+    state = problem.start(initial_state(problem, "rest"))
     changes: list[float] = []
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
@@ -290,10 +303,11 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
 
     system = problem.system
     if orbit.run is None or orbit.status is not Status.CONVERGED:
-        empty = Samples(
-            np.zeros(0), np.zeros((3, 0)), *(np.zeros((0, system.linear.size)) for _ in range(3)),
-            *(np.zeros((0, problem.plant.elements.shape[0])) for _ in range(2)),
-        )  # fmt: skip
+        nowhere, nothing = (
+            np.zeros((0, size)) for size in (system.linear.size, problem.plant.elements.shape[0])
+        )
+        empty = Samples(np.zeros(0), np.zeros((3, 0)), nowhere, nowhere, nowhere, nothing, nothing)
+        empty = empty._replace(past=(empty,) * len(system.delays))
         names = list(named_outputs(system, empty))
         nan: dict[str, Any] = {
             key: ("output", np.full(len(names), np.nan))

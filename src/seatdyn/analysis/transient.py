@@ -151,8 +151,13 @@ def run_for(
             f"duration = {duration:g} s needs about {rows:.3g} steps or more; at most "
             f"{settings.max_steps} are allowed. Shorten the run, or raise Settings.max_steps."
         )
-    y = initial_state(problem, excitation, initial)
-    run = problem.run(0.0, duration, problem.start(y), progress)
+    if isinstance(initial, str) and initial == "periodic":
+        from seatdyn.analysis.steady import periodic_state
+
+        start = periodic_state(problem, excitation)
+    else:
+        start = problem.start(initial_state(problem, initial))
+    run = problem.run(0.0, duration, start, progress)
     warn_extrapolation(run)
     return run
 
@@ -176,9 +181,7 @@ def check_request(system: Any, excitation: Any) -> None:
 
 
 def initial_state(
-    problem: Problem,
-    excitation: Excitation,
-    initial: Literal["rest", "equilibrium", "periodic"] | ArrayLike,
+    problem: Problem, initial: Literal["rest", "equilibrium", "periodic"] | ArrayLike
 ) -> Array:
     """Displacements, then velocities, (2N,)."""
     size = 2 * problem.system.linear.size
@@ -187,10 +190,6 @@ def initial_state(
             return np.zeros(size)
         if initial == "equilibrium":
             return np.concatenate([equilibrium(problem), np.zeros(size // 2)])
-        if initial == "periodic":
-            from seatdyn.analysis.steady import periodic_state
-
-            return periodic_state(problem, excitation)
         raise RequestError(
             f"initial = {initial!r} is not allowed; use 'rest', 'equilibrium', 'periodic' or an "
             f"array of {size} numbers."
@@ -252,7 +251,7 @@ def balance(problem: Problem, held: int = -1, place: float = 0.0) -> Array | Non
     """
     from scipy.optimize import root
 
-    linear, plant = problem.system.linear, problem.plant
+    linear, plant = problem.system.linear.undelayed, problem.plant
     n, m = linear.size, plant.gain.shape[0]
     x0 = float(problem.motion.evaluate(0.0))
     between = [(plant.channels[j, FIRST], plant.channels[j, SECOND]) for j in range(m)]

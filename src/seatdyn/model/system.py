@@ -104,6 +104,16 @@ class LinearModel:
         """The same without its delayed forces and relaxing elements."""
         return replace(self, delayed=(), relaxing=())
 
+    @cached_property
+    def undelayed(self) -> LinearModel:
+        """The same with all forces at once."""
+        return replace(
+            self,
+            delayed=(),
+            passive_stiffness=self.passive_stiffness + sum(g.stiffness for g in self.delayed),
+            passive_damping=self.passive_damping + sum(g.damping for g in self.delayed),
+        )
+
     def refuse_delays(self) -> None:
         """Raise a RequestError where forces are delayed: for who has no place for them."""
         if self.delayed:

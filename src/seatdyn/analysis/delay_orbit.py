@@ -1,0 +1,203 @@
+"""Periodic motion of a system with delayed forces, and its Floquet multipliers.
+
+What goes on from one period to the next is no longer a state but a piece of history: the present
+state, and the past of what the delayed forces see. It is known here by its values in Chebyshev
+points, and the period map of these values, by differences, is the monodromy operator: compact, so
+that its largest eigenvalues converge (Engelborghs and Doedel, Numer. Math. 91 (2002) 627). It
+serves twice. Its eigenvalues tell whether a motion is stable, and Newton's method with it removes
+what decays slowly; but the history itself is never rounded to those points, only its corrections
+are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState, Past
+from seatdyn.analysis.run import Run
+from seatdyn.errors import Status
+from seatdyn.kernels.columns import FIRST, SECOND
+
+Array = NDArray[np.float64]
+DEGREE = 8  # of the polynomials that corrections of the past are made of
+PERTURBATION = 1e-4  # relative, for the monodromy operator by central differences
+LOOSE, FINER = 1e-2, 2.0  # tolerance of its runs, and how much shorter their steps are
+CLOSE = 1e-2  # relative change per period below which the operator is worked out
+FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
+FALLS = 0.3  # a corrected period must change the history less than this share of the one before
+
+
+class History:
+    """The piece of history that a period starts from, as numbers.
+
+    First the state now, then displacements and velocities of the nodes that delayed forces see,
+    point by point.
+    """
+
+    def __init__(self, problem: LateProblem) -> None:
+        """Find what the delayed forces see."""
+        n, plant, late = problem.system.linear.size, problem.plant, problem.late
+        seen = np.any(late.linear[:, :, :n] != 0.0, axis=(0, 1))
+        seen |= np.any(late.linear[:, :, n : 2 * n] != 0.0, axis=(0, 1))
+        for j in np.flatnonzero(late.group >= 0):
+            for node in (plant.channels[j, FIRST], plant.channels[j, SECOND]):
+                if node >= 0:
+                    seen[node] = True
+        self.nodes = np.flatnonzero(seen)
+        self.n, self.span = n, problem.longest_delay
+        self.points = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # now first
+        to_series = np.linalg.inv(np.polynomial.chebyshev.chebvander(self.points, DEGREE))
+        self._to_series = to_series
+
+    def values(self, past: Past) -> Array:
+        """The numbers of a history."""
+        times = past.now + 0.5 * self.span * (self.points[1:] - 1.0)
+        z, v, _ = past.at(times)
+        return np.concatenate(
+            [
+                past.record[-1, 1 : 2 * self.n + 1],
+                z[:, self.nodes].ravel(),
+                v[:, self.nodes].ravel(),
+            ]
+        )
+
+    def changed(self, problem: LateProblem, state: LateState, change: Array) -> LateState:
+        """A state whose history differs by these numbers, smoothly in between."""
+        assert state.past is not None
+        past, n, nodes = state.past, self.n, self.nodes
+        now, before = change[: 2 * n], change[2 * n :].reshape(2, DEGREE, nodes.size)
+        present = np.stack([now[:n][nodes], now[n:][nodes]])[:, None]
+        z, v = (self._to_series @ part for part in np.concatenate([present, before], axis=1))
+        record = past.record.copy()
+        x = 1.0 + 2.0 * (record[:, 0] - past.now) / self.span  # the past is cut to its span
+        cheb = np.polynomial.chebyshev
+        rate = cheb.chebval(x, cheb.chebder(v)).T * (2.0 / self.span)
+        record[:, 1 + nodes] += cheb.chebval(x, z).T
+        record[:, 1 + n + nodes] += cheb.chebval(x, v).T
+        record[:, 1 + 2 * n + nodes] += rate
+        record[:-1, 1 + 3 * n + nodes] += rate[1:]
+        record[-1, 1 : 2 * n + 1] = past.record[-1, 1 : 2 * n + 1] + now
+        fresh = problem.start(record[-1, 1 : 2 * n + 1])
+        return LateState(fresh.y, fresh.side, fresh.held, replace(past, record=record))
+
+
+class LateOrbit:
+    """How the search for a periodic motion ended."""
+
+    def __init__(self, status: Status, periods: int, run: Run | None = None) -> None:
+        """Keep what was found."""
+        self.status, self.periods, self.run = status, periods, run
+        self.error = np.nan
+        self.multipliers = np.zeros(0, dtype=complex)
+
+    @property
+    def multiplier(self) -> float:
+        """Largest modulus of the multipliers."""
+        return float(np.abs(self.multipliers).max()) if self.multipliers.size else np.nan
+
+
+def find_late_orbit(
+    problem: LateProblem, period: float, tolerance: float, max_periods: int, *, linear: bool
+) -> LateOrbit:
+    """Integrate from rest until the motion repeats itself, helped by Newton's method.
+
+    linear : the laws are linear or constant, so that one correction is exact
+    """
+    history = History(problem)
+    # the map must reach back into itself only: as many periods as the delay is long
+    together = max(1, math.ceil(problem.longest_delay / period))
+    length = together * period
+    state = problem.rest(np.zeros(2 * history.n))
+    assert state.past is not None
+    values = history.values(state.past)
+    operator: Array | None = None
+    before, wait, helped = np.inf, FEWEST, True
+    for count in range(together, max_periods + 1, together):
+        run = problem.run(0.0, length, state)
+        if run.status is not Status.OK:
+            lost = run.status is Status.DIVERGED
+            return LateOrbit(Status.NO_PERIODIC_RESPONSE if lost else run.status, count)
+        end = run.end
+        assert isinstance(end, LateState)
+        assert end.past is not None
+        new = history.values(end.past)
+        scales = _scales(problem, history, run)
+        residual = new - values
+        change = float(np.max(np.abs(residual) / scales))
+        if operator is not None:
+            identity = np.eye(values.size)
+            slow = operator @ np.linalg.solve(identity - operator, residual)
+            left = float(np.max(np.abs(slow) / scales))
+            if change <= tolerance and left <= tolerance:
+                multipliers = _multipliers(operator, together)
+                if abs(multipliers[0]) < 1.0:
+                    orbit = LateOrbit(Status.CONVERGED, count, problem.run(0.0, period, end))
+                    orbit.error, orbit.multipliers = max(change, left), multipliers
+                    return orbit
+                operator, helped = None, False  # it is left to leave this orbit
+            elif end.is_held or change > max(FALLS * before, 10 * tolerance):
+                operator, wait = None, count + 4 * FEWEST
+            else:
+                end = history.changed(problem, end, slow)
+                new = new + slow
+        close = change < CLOSE and count >= wait
+        due = helped and not end.is_held and (linear or close or count % SELDOM == 0)
+        if operator is None and due:
+            operator = monodromy(problem, history, end, length, scales, run.steps)
+            before = np.inf
+        else:
+            before = change
+        state, values = end, new
+    return LateOrbit(Status.NO_PERIODIC_RESPONSE, max_periods)
+
+
+def monodromy(
+    problem: LateProblem,
+    history: History,
+    state: LateState,
+    length: float,
+    scales: Array,
+    steps: int,
+) -> Array:
+    """Derivative of the history after `length` s with respect to that at the start.
+
+    steps : that a run needs to be accurate
+    """
+    # steps of one size, so that all runs make the same error, which cancels in their differences
+    even = replace(
+        problem, settings=replace(problem.settings, rtol=LOOSE), longest_step=length / FINER / steps
+    )
+
+    def after(change: Array) -> Array:
+        end = even.run(0.0, length, history.changed(problem, state, change)).end
+        assert isinstance(end, LateState)
+        assert end.past is not None
+        return history.values(end.past)
+
+    size = scales.size
+    operator = np.empty((size, size))
+    for i in range(size):
+        step = np.zeros(size)
+        step[i] = PERTURBATION * scales[i]
+        operator[:, i] = (after(step) - after(-step)) / (2 * step[i])
+    return operator
+
+
+def _multipliers(operator: Array, together: int) -> NDArray[np.complex128]:
+    """Floquet multipliers over one period, largest first; of several periods the root."""
+    values = np.linalg.eigvals(operator).astype(complex) ** (1.0 / together)
+    return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def _scales(problem: LateProblem, history: History, run: Run) -> Array:
+    """Largest displacement and velocity of the run for every number of a history."""
+    assert isinstance(run, LateRun)
+    n = history.n
+    z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
+    v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
+    pairs = DEGREE * history.nodes.size
+    return np.repeat([z, v, z, v], [n, n, pairs, pairs])
