@@ -55,6 +55,7 @@ class Status(StrEnum):
     OK = "ok"
     CONVERGED = "converged"
     UNSTABLE = "unstable"
+    SELF_EXCITED = "self_excited"
     NO_PERIODIC_RESPONSE = "no_periodic_response"
     CHATTERING = "chattering"
     DIVERGED = "diverged"
@@ -79,6 +80,8 @@ _MESSAGES = {
     Status.CONVERGED: "The steady state repeats itself within the stated tolerance.",
     Status.UNSTABLE: "The linear system has a pole with non-negative real part: it has no steady "
     "state. Change seat mass or damping (see `seatdyn critical`).",
+    Status.SELF_EXCITED: "The system goes on moving when the base has stopped: it drives itself. "
+    "Add damping or seat mass (see `seatdyn poles`).",
     Status.NO_PERIODIC_RESPONSE: "No response with the period of the excitation was reached: it "
     "grows, is subharmonic, quasi-periodic or chaotic. Look at it with `simulate`.",
     Status.CHATTERING: "A force that jumps was crossed more often than the allowed number of "

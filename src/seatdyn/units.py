@@ -97,6 +97,16 @@ def number(
     return result
 
 
+def whole(
+    value: Any, name: str, *, minimum: int, maximum: int, error: type[SeatdynError] = ModelError
+) -> int:
+    """Return `value` as a whole number in `minimum` .. `maximum`, or raise `error`."""
+    result = number(value, name, "", minimum=minimum, maximum=maximum, error=error)
+    if result != int(result):
+        raise error(f"{name} = {value!r} must be a whole number.")
+    return int(value)  # by way of a float a large one would lose digits
+
+
 # Units that a text may carry, by the SI unit that they stand for.
 OTHER_UNITS: dict[str, dict[str, float]] = {
     "kg": {"g": 1e-3, "t": 1e3},

@@ -188,7 +188,8 @@ def choose_steps(
     while True:
         fine = levels(2 * steps)
         size = np.where(fine > 0.0, fine, 1.0)
-        error = float(np.max(np.sqrt(np.mean(((coarse - fine) / size) ** 2, axis=1))))
+        with np.errstate(invalid="ignore", over="ignore"):  # of a motion without bound
+            error = float(np.max(np.sqrt(np.mean(((coarse - fine) / size) ** 2, axis=1))))
         if not np.isfinite(error) or error <= tolerance:
             return steps, error
         if synthesis.step / (2 * steps) < SHORTEST_STEP:

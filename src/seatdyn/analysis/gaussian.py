@@ -68,8 +68,7 @@ def equivalent(
     >>> round(damper.damping / (math.sqrt(8 / math.pi) * 0.1 * 100.0), 9)
     1.0
     """
-    from seatdyn.kernels.evaluate import evaluate
-    from seatdyn.kernels.jit import CompileNotice, law_address
+    from seatdyn.analysis.lowering import forces_at
 
     if not isinstance(element, NonlinearElement):
         raise RequestError(f"{element!r} has no force law of displacement and velocity.")
@@ -79,11 +78,7 @@ def equivalent(
     law = element.lower()
     d, weight_d = _nodes(mean, s_d, _places(law.breaks, on_displacement=True))
     v, weight_v = _velocities(d, s_v, law.breaks)
-    parameters = np.array([*law.parameters, 0.0])
-    with CompileNotice():
-        address = law_address(law.function, element.name)
-        points = np.repeat(d, v.shape[1]), v.ravel()
-        force = np.asarray(evaluate(address, parameters, *points)).reshape(v.shape)
+    force = forces_at(element, np.repeat(d, v.shape[1]), v.ravel()).reshape(v.shape)
     weighted = weight_v * force
     over_v = weighted.sum(1)
     level = float(weight_d @ over_v)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels.jit import law_address
+from seatdyn.kernels.jit import CompileNotice, law_address
 from seatdyn.kernels.plant import Plant
+from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import Motion
 from seatdyn.model.system import BASE, SeatSystem, refuse_delays, refuse_memory
+
+Array = NDArray[np.float64]
 
 
 def lower(
@@ -93,6 +97,16 @@ def lower(
         segments=np.column_stack([motion.starts, motion.polynomials, motion.segment_sines]),
         sines=np.ascontiguousarray(motion.sines),
     )
+
+
+def forces_at(element: NonlinearElement, d: Array, v: Array) -> Array:
+    """Forces in N of the compiled law at many displacements (m) and velocities (m/s), (p,)."""
+    from seatdyn.kernels.evaluate import evaluate
+
+    law = element.lower()
+    with CompileNotice():
+        address = law_address(law.function, element.name)
+        return np.asarray(evaluate(address, np.array([*law.parameters, 0.0]), d, v))
 
 
 def _starts(lists: list[list]) -> np.ndarray:  # type: ignore[type-arg]

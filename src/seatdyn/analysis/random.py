@@ -24,7 +24,7 @@ from seatdyn.kernels.lanes import LANES
 from seatdyn.model.noise import RandomMotion
 from seatdyn.model.system import SeatSystem
 from seatdyn.signals.synthesis import Synthesis
-from seatdyn.units import number
+from seatdyn.units import number, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -248,9 +248,7 @@ class _Request(NamedTuple):
         def checked(value: float, name: str, unit: str, low: float, high: float) -> float:
             return number(value, name, unit, minimum=low, maximum=high, error=RequestError)
 
-        count = checked(realisations, "realisations", "", 2, MOST)
-        if count != int(count):
-            raise RequestError(f"realisations = {realisations!r} must be a whole number.")
+        count = whole(realisations, "realisations", minimum=2, maximum=MOST, error=RequestError)
         if interval is not None:
             interval = checked(interval, "interval", "", 1e-5, 1.0)
         found = poles(system)
@@ -261,7 +259,7 @@ class _Request(NamedTuple):
         return cls(
             system,
             excitation,
-            int(count),
+            count,
             interval,
             checked(confidence, "confidence", "", 0.5, 0.9999),
             checked(settle, "settle", "s", 0.0, 1e6),

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import reprlib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,22 +21,29 @@ from numpy.typing import NDArray
 import seatdyn
 from seatdyn.analysis.ensemble import Ensemble, choose_steps, settling_time
 from seatdyn.analysis.linear import poles
+from seatdyn.analysis.lowering import forces_at
 from seatdyn.analysis.random import student
 from seatdyn.analysis.seat_factor import WEIGHTING, Weighted
+from seatdyn.analysis.stability import is_stable
+from seatdyn.analysis.transient import simulate
 from seatdyn.errors import RequestError, SeatdynWarning, Status
 from seatdyn.kernels.lanes import LANES
 from seatdyn.model.body import SEAT, SeatedBody, load_body
 from seatdyn.model.elements import NonlinearElement
+from seatdyn.model.noise import LARGEST_SEED, RandomMotion
 from seatdyn.model.seat import Seat
 from seatdyn.model.system import BASE, SeatSystem
-from seatdyn.signals.estimators import transfer_function
+from seatdyn.signals.counting import contact_speeds, contacts
+from seatdyn.signals.estimators import rms_between, transfer_function
 from seatdyn.signals.inputs import SeatTestInput, seat_test_input
+from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Synthesis
 from seatdyn.standards.acceptance import HEAVY_PERSON, LIGHT_PERSON, RUN_AGREEMENT, RUNS
+from seatdyn.standards.inputs import LOWEST
 from seatdyn.standards.metrics import rms, vdv
 from seatdyn.standards.source import Constant, Grade
 from seatdyn.standards.weighting import weighting
-from seatdyn.units import number
+from seatdyn.units import number, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +56,6 @@ SITTING_SHARE = Constant(
     "0.79 (Fairley and Griffin 1989)",
     Grade.UNCERTAIN,
 )
-LOWEST = 0.89  # Hz, begin of the band in which a class states its r.m.s. acceleration
 SPACING = 2.5e-3  # s between samples of the signals: 400 Hz
 RESOLUTION = 0.1  # Hz of the transmissibility
 SHORTEST = 40.0  # s of a run: four segments of the transmissibility
@@ -57,6 +63,8 @@ MOST_RUNS = 1024
 DEFAULT_BODY = "fairley1989"
 THREADS = 2
 UNBOUNDED = 1e6  # m, m/s or m/s2: the motion has no bound
+SHAKEN, COASTING, COAST_RATE = 20.0, 80.0, 100.0  # s, s and Hz of the search for self-excitation
+AT_REST = 0.01  # of the level while shaken
 LEVELS = dict.fromkeys(
     ("platform_rms", "weighted_platform", "weighted_seat", "corrected_seat"), "m/s2"
 )
@@ -106,7 +114,9 @@ def seat_test(
         By occupant: seat_rms and seat_vdv (SEAT factors, means over the runs) with `_low`, `_high`
         (Student's t); agreement, agrees; by side (bump, rebound): travel_max (m), end_stop_impacts
         (mean number in a run), impact_speed (largest, m/s), buffer_force (largest, N);
-        transmissibility (H1, complex) and coherence over frequency. By occupant and run:
+        transmissibility (H1, complex) and coherence over frequency; member_status, and NaN for an
+        occupant that has no valid result, such as one that drives the seat ("self_excited"). By
+        occupant and run:
         run_seat_rms, run_seat_vdv, platform_rms (m/s2, band of the class), weighted_platform,
         weighted_seat, corrected_seat (m/s2). Attributes: status, point (where SEAT was taken),
         step_error, seed, ...
@@ -115,6 +125,11 @@ def seat_test(
     ------
     RequestError, ExcitationError, ModelError
         What cannot be tested, such as an unknown class or a mass outside the range.
+
+    Warns
+    -----
+    SeatdynWarning
+        An occupant drives the seat.
 
     Examples
     --------
@@ -132,7 +147,8 @@ def seat_test(
     model = load_body(body) if isinstance(body, str) else body
     if not isinstance(model, SeatedBody):
         raise RequestError(f"body = {reprlib.repr(body)} is no SeatedBody; use load_body.")
-    runs = round(number(runs, "runs", "", minimum=3, maximum=MOST_RUNS, error=RequestError))
+    runs = whole(runs, "runs", minimum=3, maximum=MOST_RUNS, error=RequestError)
+    seed = whole(seed, "seed", minimum=0, maximum=LARGEST_SEED, error=RequestError)
     duration = number(duration, "duration", "s", minimum=SHORTEST, maximum=1e5, error=RequestError)
     confidence = number(
         confidence, "confidence", "", minimum=0.5, maximum=0.9999, error=RequestError
@@ -143,7 +159,9 @@ def seat_test(
     systems = {
         name: SeatSystem(model.scaled(sitting_mass=mass), seat) for name, mass in people.items()
     }
-    plan = _Plan.make(list(systems.values()), spectrum, duration, seed, step_tolerance)
+    states = {name: _prospect(system, spectrum) for name, system in systems.items()}
+    sound = [system for name, system in systems.items() if states[name].valid]
+    plan = _Plan.make(sound, spectrum, duration, seed, step_tolerance) if sound else None
     results = []
     for k, (name, system) in enumerate(systems.items()):
 
@@ -151,23 +169,31 @@ def seat_test(
             if progress is not None:
                 progress((done + share) / len(systems))
 
-        tested = _test(system, plan, runs, confidence, report)
-        mass = ((), people[name], {"units": "kg"})
-        results.append(tested.assign_coords(occupant=name, sitting_mass=mass))
+        if plan is not None and states[name].valid:
+            tested = _test(system, plan, runs, confidence, report)
+        else:
+            tested = _Record().summary(runs, states[name], confidence)
+        results.append(tested.assign_coords(occupant=name))
     request: dict[str, Any] = {
         "runs": runs,
         "duration_s": duration,
         "seed": seed,
         "confidence": confidence,
+        "step_error": plan.error if plan else math.nan,
+        "settle_s": plan.settle * plan.synthesis.step if plan else math.nan,
     }
-    if not plan.stable:
+    data = _joined(results, seat, model, spectrum, **request)
+    data.coords["sitting_mass"] = (("occupant",), list(people.values()), {"units": "kg"})
+    moving = [name for name, status in states.items() if status is Status.SELF_EXCITED]
+    if moving:
         warnings.warn(
-            f"The linear part of {model.name} on this seat is unstable for at least one occupant: "
-            "only non-linear elements bound the motion. Look at `poles` and `critical_values`.",
+            f"{model.name} on this seat goes on moving when the platform has stopped (occupant "
+            f"{', '.join(moving)}): it drives the seat itself, and there is no SEAT factor. Add "
+            "damping or seat mass; look at `poles` and `critical_values`.",
             SeatdynWarning,
             stacklevel=2,
         )
-    return _joined(results, seat, model, spectrum, **request)
+    return data
 
 
 def default_occupants() -> dict[str, float]:
@@ -202,7 +228,6 @@ class _Plan(NamedTuple):
     level: float  # m/s2 r.m.s. over the whole band
     seed: int
     error: float
-    stable: bool  # the linear part of every system
 
     @classmethod
     def make(
@@ -223,12 +248,12 @@ class _Plan(NamedTuple):
         return cls(
             spectrum,
             synthesis,
-            round(settle / synthesis.step),
+            # an interval to spare: segments of the transmissibility are whole samples
+            max(0, math.floor(settle / synthesis.step) - 1),
             max(steps for steps, _ in chosen),
             level,
             seed,
             max(error for _, error in chosen),
-            all(bool(np.all(values.real < 0.0)) for values in roots),
         )
 
     def ensemble(self, system: SeatSystem) -> Ensemble:
@@ -256,23 +281,43 @@ def _test(
     point = measuring_point(system)
     wanted = ("acc_base", f"acc_{point}", "seat-base", "vel_seat-base")
     record = _Record(rate=1.0 / ensemble.spacing, stops=end_stops(system))
-    status = Status.OK if system.channels or plan.stable else Status.UNSTABLE
     blocks = math.ceil(runs / LANES)
-    if status is Status.OK:
-        for number_, block in ensemble.blocks(iter(range(blocks)), THREADS, wanted):
-            for signals in block.series[: runs - number_ * LANES]:
-                if not np.max(np.abs(signals)) <= UNBOUNDED:
-                    status = Status.DIVERGED
-                    break
-                record.add(signals, plan.spectrum)
-            progress((number_ + 1) / blocks)
-    return record.summary(runs, status, confidence)
+    for number_, block in ensemble.blocks(iter(range(blocks)), THREADS, wanted):
+        if not np.max(np.abs(block.series)) <= UNBOUNDED:
+            return record.summary(runs, Status.DIVERGED, confidence)
+        for signals in block.series[: runs - number_ * LANES]:
+            record.add(signals, plan.spectrum)
+        progress((number_ + 1) / blocks)
+    return record.summary(runs, Status.OK, confidence)
+
+
+def _prospect(system: SeatSystem, spectrum: Spectrum) -> Status:
+    """What is known of a system before it is tested."""
+    if is_stable(system):
+        return Status.OK
+    if not system.channels:
+        return Status.UNSTABLE
+    return Status.SELF_EXCITED if self_excited(system, spectrum) else Status.OK
+
+
+def self_excited(system: SeatSystem, spectrum: Spectrum) -> bool:
+    """Whether a system goes on moving after a platform that shook it has come to rest.
+
+    Only a system whose linear part is unstable can; friction, say, may still end its motion.
+    """
+    shaking = RandomMotion(spectrum, SHAKEN, seed=0)
+    run = simulate(system, shaking, SHAKEN + COASTING, output_step=1.0 / COAST_RATE)
+    if not Status(run.attrs["status"]).valid:
+        return True
+    surface = run.acceleration.sel(node=measuring_point(system)).values
+    before, after = surface[: round(SHAKEN * COAST_RATE)], surface[-round(SHAKEN * COAST_RATE) :]
+    return bool(rms(after) > AT_REST * rms(before))
 
 
 class _Record:
     """What is kept of the runs of one occupant."""
 
-    def __init__(self, rate: float, stops: list[Stop]) -> None:
+    def __init__(self, rate: float = math.nan, stops: Sequence[Stop] = ()) -> None:
         """Start empty."""
         self.rate, self.stops = rate, stops
         self.runs: list[dict[str, Any]] = []
@@ -282,16 +327,15 @@ class _Record:
     def add(self, signals: Array, spectrum: SeatTestInput) -> None:
         """Evaluate a run: platform and surface acceleration, travel and its rate, (4, n)."""
         platform, surface, travel, speed = signals
-        weight = weighting(WEIGHTING)
-        weighted = [weight.apply(signal, self.rate) for signal in (platform, surface)]
-        below, above = (float(rms(signal)) for signal in weighted)
-        dose = [float(vdv(signal, self.rate)) for signal in weighted]
+        weighted = weighting(WEIGHTING).apply(signals[:2], self.rate)
+        below, above = rms(weighted).tolist()
+        dose = vdv(weighted, self.rate)
         target = weighted_target(spectrum)
         self.runs.append(
             {
                 "run_seat_rms": above / below,
                 "run_seat_vdv": dose[1] / dose[0],
-                "platform_rms": float(rms(platform)),
+                "platform_rms": rms_between(platform, self.rate, [(LOWEST, spectrum.high)])[0],
                 "weighted_platform": below,
                 "weighted_seat": above,
                 "corrected_seat": above * target / below,
@@ -330,6 +374,7 @@ class _Record:
         first = each["corrected_seat"][: int(RUNS.value)]
         off = float(np.max(np.abs(first / first.mean() - 1.0)))
         variables |= {
+            "member_status": ((), str(status)),
             "agreement": ((), off, {"units": "1"}),
             "travel_max": (("side",), each["travel"].max(0), {"units": "m"}),
             "end_stop_impacts": (("side",), each["count"].mean(0), {"units": "1"}),
@@ -348,8 +393,10 @@ class _Record:
         return xr.Dataset(variables, coords=coords, attrs=attrs)
 
 
-def impacts(travel: Array, speed: Array, stops: list[Stop]) -> dict[str, Array]:
+def impacts(travel: Array, speed: Array, stops: Sequence[Stop]) -> dict[str, Array]:
     """Contacts with the stops of a run, by side (bump, rebound), (2,).
+
+    Of several stops on one side the first one reached counts, and their forces add up.
 
     Parameters
     ----------
@@ -362,21 +409,22 @@ def impacts(travel: Array, speed: Array, stops: list[Stop]) -> dict[str, Array]:
         count of contacts; largest speed at contact (m/s), between the samples; largest force of
         the stops (N). Zero where there was no contact.
     """
-    count, fastest, force = np.zeros(2), np.zeros(2), np.zeros(2)
-    for stop in stops:
-        for side, (sign, clearance) in enumerate(((-1.0, stop.bump), (1.0, stop.rebound))):
-            past = sign * travel - clearance
-            contact = np.flatnonzero((past[1:] > 0.0) & (past[:-1] <= 0.0))
-            inside = past > 0.0
-            if not inside.any():
-                continue
-            share = past[contact] / (past[contact] - past[contact + 1])
-            at_contact = speed[contact] + share * (speed[contact + 1] - speed[contact])
-            count[side] += contact.size
-            fastest[side] = max(fastest[side], np.max(sign * at_contact, initial=0.0))
-            pushes = sign * stop.element.force_at(travel[inside], speed[inside])
-            force[side] = max(force[side], float(pushes.max()))
-    return {"count": count, "speed": fastest, "force": force}
+    if not stops:
+        return {name: np.zeros(2) for name in ("count", "speed", "force")}
+    clearance = [min(stop.bump for stop in stops), min(stop.rebound for stop in stops)]
+    free = {"bump_clearance": clearance[0], "rebound_clearance": clearance[1]}
+    hits = contacts(travel, **free)
+    speeds = contact_speeds(travel, speed, **free)
+    pushes = []
+    for sign, limit in zip((-1.0, 1.0), clearance, strict=True):
+        d, v = (signal[sign * travel > limit] for signal in (travel, speed))
+        push = sum((sign * forces_at(stop.element, d, v) for stop in stops), np.zeros(d.size))
+        pushes.append(np.max(push, initial=0.0))
+    return {
+        "count": np.array([hits.bump, hits.rebound], dtype=float),
+        "speed": np.array([np.max(side, initial=0.0) for side in speeds]),
+        "force": np.array(pushes),
+    }
 
 
 def weighted_target(spectrum: SeatTestInput) -> float:
@@ -399,7 +447,7 @@ def _joined(
         coords="minimal",
         compat="override",
         join="outer",
-        combine_attrs="drop",
+        combine_attrs="override",
     )
     limit = RUN_AGREEMENT.value
     data["agrees"] = (("occupant",), data["agreement"].to_numpy() <= limit, {"units": "1"})

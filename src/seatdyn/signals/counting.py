@@ -177,10 +177,7 @@ def contacts(travel: ArrayLike, *, bump_clearance: float, rebound_clearance: flo
     (1, 0, 0.01)
     """
     d = _samples(travel)
-    clearances = {"bump_clearance": bump_clearance, "rebound_clearance": rebound_clearance}
-    low, high = (
-        number(value, key, "m", **LENGTH, error=RequestError) for key, value in clearances.items()
-    )
+    low, high = _clearances(bump_clearance, rebound_clearance)
     touched = [-d > low, d > high]
     begun = [int(hit[0]) + int(np.count_nonzero(hit[1:] & ~hit[:-1])) for hit in touched]
     return Contacts(
@@ -191,6 +188,41 @@ def contacts(travel: ArrayLike, *, bump_clearance: float, rebound_clearance: flo
         bump_depth=max(0.0, float(-d.min()) - low),
         rebound_depth=max(0.0, float(d.max()) - high),
     )
+
+
+def contact_speeds(
+    travel: ArrayLike, speed: ArrayLike, *, bump_clearance: float, rebound_clearance: float
+) -> tuple[Array, Array]:
+    """Speeds in m/s at which a suspension reaches its end stops, in bump and in rebound.
+
+    Between two samples the speed goes with the travel. A contact with which the record begins has
+    no speed that is known, and is left out.
+
+    Parameters
+    ----------
+    travel, bump_clearance, rebound_clearance : as in `contacts`
+    speed : rate of the travel in m/s, (n,)
+
+    Examples
+    --------
+    >>> bump, rebound = contact_speeds(
+    ...     [0.0, -0.03, 0.0], [-0.6, -0.2, 0.6], bump_clearance=0.02, rebound_clearance=0.05
+    ... )
+    >>> bump.round(6).tolist(), rebound.tolist()
+    ([0.333333], [])
+    """
+    d, v = _samples(travel), _samples(speed)
+    if d.shape != v.shape:
+        raise RequestError(f"travel has {d.size} and speed {v.size} samples; give as many.")
+    found = []
+    for sign, clearance in zip(
+        (-1, 1), _clearances(bump_clearance, rebound_clearance), strict=True
+    ):
+        past = sign * d - clearance
+        begin = np.flatnonzero((past[1:] > 0.0) & (past[:-1] <= 0.0))
+        share = past[begin] / (past[begin] - past[begin + 1])
+        found.append(sign * (v[begin] + share * (v[begin + 1] - v[begin])))
+    return found[0], found[1]
 
 
 def probability(hits: int, trials: int, *, confidence: float = 0.95) -> Share:
@@ -270,11 +302,15 @@ def gaussian_contact(
     from scipy.special import ndtr
 
     time = number(duration, "duration", "s", **DURATION, error=RequestError)
-    low = number(bump_clearance, "bump_clearance", "m", **LENGTH, error=RequestError)
-    high = number(rebound_clearance, "rebound_clearance", "m", **LENGTH, error=RequestError)
+    low, high = _clearances(bump_clearance, rebound_clearance)
     leaving = float(gaussian_crossings([-low, high], rms, rate_rms, mean).sum())
     inside = float(ndtr((high - mean) / rms) - ndtr((-low - mean) / rms))
     return 1.0 - inside * math.exp(-leaving * time / inside) if inside > 0.0 else 1.0
+
+
+def _clearances(bump: float, rebound: float) -> tuple[float, float]:
+    low = number(bump, "bump_clearance", "m", **LENGTH, error=RequestError)
+    return low, number(rebound, "rebound_clearance", "m", **LENGTH, error=RequestError)
 
 
 def _samples(signal: ArrayLike) -> Array:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from seatdyn.errors import MeasurementError
@@ -116,8 +117,6 @@ def transfer_function(
     MeasurementError
         Channels of different length, a record too short for the resolution, an unknown kind.
     """
-    from scipy.signal import csd, welch
-
     first, second = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if first.shape != second.shape:
         raise MeasurementError(
@@ -126,15 +125,24 @@ def transfer_function(
     if kind not in ("H1", "H2"):
         raise MeasurementError(f"kind = {kind!r} is not allowed; use 'H1' or 'H2'.")
     segment, averages = _segments(first.size, rate, resolution)
-    options = _welch(segment)
-    f, gxx = welch(first, rate, **options)
-    _, gyy = welch(second, rate, **options)
-    _, gxy = csd(first, second, rate, **options)
+    of_x, of_y = (_segment_spectra(samples, segment) for samples in (first, second))
+    gxx, gyy = (np.mean(np.abs(spectra) ** 2, axis=0) for spectra in (of_x, of_y))
+    gxy = np.mean(np.conj(of_x) * of_y, axis=0)
+    f: Array = np.arange(gxx.size) * (rate / segment)
     with np.errstate(divide="ignore", invalid="ignore"):
         coherence = np.minimum(np.abs(gxy) ** 2 / (gxx * gyy), 1.0)
         value = gxy / gxx if kind == "H1" else gyy / np.conj(gxy)
         error = np.sqrt((1.0 - coherence) / (2.0 * averages * coherence))
     return Transfer(f, value, coherence, error, averages)
+
+
+def _segment_spectra(samples: Array, segment: int) -> ComplexArray:
+    """Spectra of all segments at once, as Welch's method averages them, but not scaled."""
+    from scipy.fft import rfft
+    from scipy.signal import get_window
+
+    rows = sliding_window_view(samples, segment)[:: segment - segment // 2]
+    return np.asarray(rfft((rows - rows.mean(1, keepdims=True)) * get_window("hann", segment)))
 
 
 def _welch(segment: int) -> dict[str, Any]:
@@ -177,21 +185,32 @@ def band_rms(samples: ArrayLike, rate: float, centres: ArrayLike | None = None) 
         the band or has not enough samples per second. The squares of all bands add up to the mean
         square.
     """
+    middle = third_octaves() if centres is None else np.asarray(centres, dtype=float)
+    return rms_between(samples, rate, middle[:, None] * 10.0 ** np.array([-0.05, 0.05]))
+
+
+def rms_between(samples: ArrayLike, rate: float, edges: ArrayLike) -> Array:
+    """R.m.s. value in bands, from the spectrum of the whole record, as in `band_rms`.
+
+    Parameters
+    ----------
+    samples : one channel; its mean is removed
+    rate : samples per second, Hz
+    edges : (k, 2), lower and upper end of each band, Hz
+    """
     from scipy.fft import rfft
 
-    x = np.asarray(samples, dtype=float)
-    middle = third_octaves() if centres is None else np.asarray(centres, dtype=float)
+    x, ends = np.asarray(samples, dtype=float), np.asarray(edges, dtype=float)
     power = np.abs(rfft(x - x.mean())) ** 2 * 2.0 / x.size**2
     if x.size % 2 == 0:
         power[-1] /= 2.0
     step = rate / x.size
     # energy below each edge, a line being spread over the step around it
-    edges = middle[:, None] * 10.0 ** np.array([-0.05, 0.05])
     upper = (np.arange(power.size) + 0.5) * step
-    total = np.interp(edges, np.concatenate([[-0.5 * step], upper]),
+    total = np.interp(ends, np.concatenate([[-0.5 * step], upper]),
                       np.concatenate([[0.0], np.cumsum(power)]))  # fmt: skip
     value = np.sqrt(np.maximum(total[:, 1] - total[:, 0], 0.0))
-    resolved = (edges[:, 1] - edges[:, 0] >= step) & (edges[:, 1] <= rate / 2)
+    resolved = (ends[:, 1] - ends[:, 0] >= step) & (ends[:, 1] <= rate / 2)
     return np.where(resolved, value, np.nan)
 
 

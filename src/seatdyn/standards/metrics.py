@@ -118,7 +118,8 @@ def vdv(weighted: ArrayLike, rate: float) -> Array:
     """Vibration dose value of the record, m/s^1.75."""
     a = checked_samples(weighted)
     rate = number(rate, "rate", "Hz", **RATE, error=RequestError)
-    return np.asarray((np.sum(a**4, axis=-1) / rate) ** 0.25)
+    square = a * a  # a power takes ten times as long
+    return np.asarray((np.sum(square * square, axis=-1) / rate) ** 0.25)
 
 
 def combined_vdv(values: ArrayLike) -> float:
