@@ -160,6 +160,14 @@ LAWS = {
             / math.sqrt(0.25 - (0.3 + d) ** 2)
         ),
     ),
+    "shifted": (
+        sd.Shifted(sd.AirSpring(2e5, 1e-3, 1.5e-4, 1.3, area_slope=-2e-3), -0.02),
+        lambda d, v: air(d - 0.02) - air(-0.02),
+    ),
+    "shifted stop": (
+        sd.Shifted(sd.EndStop(5e3, 0.01, 0.02, damping=40.0), 0.01),
+        stop,
+    ),
     "lever": (
         sd.Lever(sd.Damper(90.0), (0.6, -2.0, 5.0), bump_travel=0.2, rebound_travel=0.2),
         lambda d, v: 90.0 * (0.6 - 2.0 * d + 5.0 * d * d) ** 2 * v,

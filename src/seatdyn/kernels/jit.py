@@ -151,6 +151,19 @@ def levered(
     return law
 
 
+@functools.cache
+def shifted(
+    function: Callable[[float, float, Any], float], count: int
+) -> Callable[[float, float, Any], float]:
+    """Force law f(d + p[n], v) - p[n+1] of a law f with n = `count` parameters."""
+    plain = _jitable(function)
+
+    def law(d: float, v: float, p: Any) -> float:
+        return float(plain(d + p[count], v, p) - p[count + 1])
+
+    return law
+
+
 def law_address(function: Callable[..., Any], name: str, signature: Any = LAW) -> int:
     """Address of the compiled force law."""
     return int(compiled_law(function, name, signature).address)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from seatdyn.kernels import laws
-from seatdyn.model.elements import Break, Law, NonlinearElement
+from seatdyn.model.elements import Break, Law, NonlinearElement, with_clearances
 from seatdyn.units import LENGTH, SPEED, number, quantity
 
 HERTZ = 1.5  # exponent of a sphere on a plane
@@ -43,6 +43,11 @@ class ContactStop(NonlinearElement):
         if slowing > 0.0:
             breaks += [Break(0.0, 1.0, sign / slowing, jumps=False) for sign in (-1.0, 1.0)]
         return Law(laws.contact, (self.stiffness, -b, r, self.exponent, slowing), tuple(breaks))
+
+    def about(self, travel: float) -> NonlinearElement:
+        """With the clearances that are left."""
+        stop: NonlinearElement = with_clearances(self, travel)
+        return stop
 
     def tangent(self) -> tuple[float, float]:
         """Zero in the free travel; mean of both sides for a linear stop without free travel."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Element:
+class Element(ABC):
     """Base of all elements.
 
     Its force may act `delay` seconds (0 .. 10) late: at t with its value of t - delay.
@@ -80,6 +80,19 @@ class Element:
         """The label given by the user, or the name of the class."""
         return self.label or type(self).__name__
 
+    @property
+    def load(self) -> float:
+        """Weight in N that it bears at d = 0, which the motion about rest does not show."""
+        return 0.0
+
+    @abstractmethod
+    def rest_force(self, d: float) -> float:
+        """Force in N, positive in tension, while it rests at d (m), less that at d = 0."""
+
+    @abstractmethod
+    def about(self, travel: float) -> Element:
+        """The same element with its travel measured from `travel` (m)."""
+
 
 @dataclass(frozen=True)
 class LinearElement(Element):
@@ -90,6 +103,14 @@ class LinearElement(Element):
         """Stiffness in N/m and damping in N s/m."""
         return (getattr(self, "stiffness", 0.0), getattr(self, "coefficient", 0.0))
 
+    def rest_force(self, d: float) -> float:
+        """The spring's force."""
+        return self.linear[0] * d
+
+    def about(self, travel: float) -> LinearElement:
+        """Itself: a line is the same everywhere."""
+        return self
+
 
 @dataclass(frozen=True)
 class NonlinearElement(Element, ABC):
@@ -98,6 +119,26 @@ class NonlinearElement(Element, ABC):
     @abstractmethod
     def lower(self) -> Law:
         """The law for the kernels."""
+
+    def rest_force(self, d: float) -> float:
+        """The law at no velocity."""
+        return float(self.force_at(d) - self.force_at(0.0))
+
+    @property
+    def load(self) -> float:
+        """What it pushes with at d = 0 in rest."""
+        return -float(self.force_at(0.0))
+
+    def about(self, travel: float) -> NonlinearElement:
+        """Itself, if its law does not feel the travel and rests without force; else `Shifted`."""
+        from seatdyn.model.shift import Shifted
+
+        v = np.linspace(-1.0, 1.0, 5)
+        places = np.linspace(-abs(travel), abs(travel), 5)[:, None]
+        same = self.force_at(places + travel, v) == self.force_at(places, v)
+        if self.load == 0.0 and np.all(same):
+            return self
+        return Shifted(self, travel, between=self.between, label=self.name, delay=self.delay)
 
     @abstractmethod
     def tangent(self) -> tuple[float, float]:
@@ -117,9 +158,21 @@ class Spring(LinearElement):
     Parameters
     ----------
     stiffness : k in N/m, 0 .. 1e12
+    preload : weight in N, within +-1e9, that it bears at d = 0 by its compression there; it matters
+        to `static_equilibrium` only, for motions are measured from rest
     """
 
     stiffness: float = quantity("N/m", **STIFFNESS)
+    preload: float = quantity("N", default=0.0, **either_sign(FORCE))
+
+    @property
+    def load(self) -> float:
+        """Its preload."""
+        return self.preload
+
+    def about(self, travel: float) -> Spring:
+        """With the preload that it has there."""
+        return replace(self, preload=self.preload - self.stiffness * travel)
 
 
 @dataclass(frozen=True)
@@ -206,6 +259,13 @@ class PiecewiseSpring(NonlinearElement):
         )
         return Law(law, (self.stiffness, *edges), breaks if self.stiffness else ())
 
+    def about(self, travel: float) -> NonlinearElement:
+        """With the clearances that are left, where its free zone is left as it is."""
+        if self.jumping:
+            return super().about(travel)
+        stop: NonlinearElement = with_clearances(self, travel)
+        return stop
+
     def tangent(self) -> tuple[float, float]:
         """Zero inside the free zone; its stiffness (mean of both sides) where there is none."""
         closed = (self.bump_clearance == 0.0) + (self.rebound_clearance == 0.0)
@@ -238,6 +298,11 @@ class EndStop(NonlinearElement):
         if c > 0.0:
             breaks += [Break(k, c, edge, jumps=False) for edge in sorted({-k * b, k * r})]
         return Law(laws.end_stop, (k, -b, r, c), tuple(breaks))
+
+    def about(self, travel: float) -> NonlinearElement:
+        """With the clearances that are left."""
+        stop: NonlinearElement = with_clearances(self, travel)
+        return stop
 
     def tangent(self) -> tuple[float, float]:
         """Zero inside the free travel; mean of both sides where there is none."""
@@ -349,6 +414,17 @@ class Preload(NonlinearElement):
     def tangent(self) -> tuple[float, float]:
         """Zero."""
         return (0.0, 0.0)
+
+
+def with_clearances(element: Any, travel: float) -> Any:
+    """A stop with its clearances measured from `travel`, inside its free travel."""
+    bump, rebound = element.bump_clearance + travel, element.rebound_clearance - travel
+    if bump < 0.0 or rebound < 0.0:
+        raise ModelError(
+            f"{element.name} has no clearance left at a travel of {travel:g} m: it is free between "
+            f"-{element.bump_clearance:g} and {element.rebound_clearance:g} m."
+        )
+    return replace(element, bump_clearance=bump, rebound_clearance=rebound)
 
 
 def coefficients(values: tuple[float, ...], count: int, label: str) -> tuple[float, ...]:

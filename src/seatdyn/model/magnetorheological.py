@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from seatdyn.kernels import laws, memory_laws
@@ -157,6 +157,15 @@ class SpencerDamper(MemoryElement):
             (*linear, self.scale, self.beta, self.gamma, self.exponent),
             (1e-3, size),
         )
+
+    @property
+    def load(self) -> float:
+        """What the accumulator pushes with at d = 0."""
+        return self.k1 * self.x0
+
+    def about(self, travel: float) -> SpencerDamper:
+        """With the accumulator in balance there."""
+        return replace(self, x0=0.0)
 
     def settled(self, d: float) -> tuple[float, ...]:
         """The dashpot has given way."""

@@ -71,6 +71,16 @@ class MemoryElement(Element, ABC):
     def lower(self) -> MemoryLaw:
         """The law for the kernels."""
 
+    def rest_force(self, d: float) -> float:
+        """Force when it has settled at d."""
+        law = self.lower()
+        at, rest = (law.force(x, 0.0, self.settled(x), law.parameters) for x in (d, 0.0))
+        return float(at - rest)
+
+    def about(self, travel: float) -> MemoryElement:
+        """Itself, if its law is linear in the travel."""
+        return self
+
     @abstractmethod
     def settled(self, d: float) -> tuple[float, ...]:
         """States after a long rest at the displacement d (m), reached without friction."""

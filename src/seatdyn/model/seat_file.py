@@ -49,6 +49,7 @@ from seatdyn.model.lever import Lever, ScissorLever
 from seatdyn.model.magnetorheological import BinghamDamper, SpencerDamper, TanhDamper
 from seatdyn.model.seat import Seat
 from seatdyn.model.semi_active import MRDamper, SemiActiveDamper
+from seatdyn.model.shift import Shifted
 from seatdyn.model.springs import AirSpring, AirSpringWithTank, ThreeSpring
 from seatdyn.model.tables import TableDamper, TableSpring
 from seatdyn.units import in_unit, suggestion
@@ -59,8 +60,9 @@ KINDS: dict[str, type[Element]] = {
         *(Spring, Damper, QuadraticDamper, CoulombFriction, PiecewiseSpring, EndStop, Preload),
         *(TangentPolynomialSpring, PolynomialDamper, AsymmetricDamper, TableSpring, TableDamper),
         *(StribeckFriction, ContactStop, AirSpring, ThreeSpring, PowerDamper, BalanceDamper),
-        *(BinghamDamper, TanhDamper, Lever, ScissorLever, KelvinVoigt, Zener, AirSpringWithTank),
-        *(DahlFriction, LuGreFriction, BoucWen, SpencerDamper, SemiActiveDamper, MRDamper),
+        *(BinghamDamper, TanhDamper, Lever, ScissorLever, Shifted, KelvinVoigt, Zener),
+        *(AirSpringWithTank, DahlFriction, LuGreFriction, BoucWen),
+        *(SpencerDamper, SemiActiveDamper, MRDamper),
     )
 }
 ELEMENT_LISTS = ("suspension", "cushion")  # fields of a seat

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from seatdyn.errors import ModelError
@@ -57,6 +57,13 @@ class AirSpring(NonlinearElement):
     def load(self) -> float:
         """Weight in N that it bears at d = 0: (p0 - pa) A."""
         return (self.pressure - self.ambient) * self.area
+
+    def about(self, travel: float) -> AirSpring:
+        """With the pressure, area and volume that it has there: the same gas."""
+        volume = self.volume + travel * (self.area + 0.5 * self.area_slope * travel)
+        pressure = self.pressure * (self.volume / volume) ** self.exponent
+        area = self.area + self.area_slope * travel
+        return replace(self, pressure=pressure, area=area, volume=volume)
 
     def lower(self) -> Law:
         """The law, smooth between its edges."""
@@ -113,6 +120,14 @@ class AirSpringWithTank(MemoryElement):
     def load(self) -> float:
         """Weight in N that it bears at d = 0: (p0 - pa) A."""
         return (self.pressure - self.ambient) * self.area
+
+    def about(self, travel: float) -> AirSpringWithTank:
+        """With the pressure and volume that it has settled at there: the same gas."""
+        volume = self.volume + self.area * travel
+        density = (self.volume + self.tank) / (volume + self.tank)  # over that at d = 0
+        pressure = self.pressure * density**self.exponent
+        restriction = self.restriction * density
+        return replace(self, pressure=pressure, volume=volume, restriction=restriction)
 
     def lower(self) -> MemoryLaw:
         """The law, smooth."""
