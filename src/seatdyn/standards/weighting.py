@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 BUTTERWORTH = 1 / math.sqrt(2)  # Q of the band limits; BS 6841 prints 0.71
+LONGEST_KEPT = 2**21  # samples of a record whose factors are kept for the next: 16 MB
 SETTLED = 37.0  # time constants after which a decay is below the rounding of a double
 ISO_8041 = "ISO 8041-1:2017, 5.6, Table 3"
 BS_6841 = "BS 6841:1987, Table 3"
@@ -129,10 +131,11 @@ class Weighting:
                 "finite and >= 0 Hz."
             )
         s = 2j * np.pi * f
-        value = np.ones(f.shape, dtype=complex)
+        above, below = np.ones(f.shape, dtype=complex), np.ones(f.shape, dtype=complex)
         for numerator, denominator in self.sections():
-            value *= np.polyval(numerator, s) / np.polyval(denominator, s)
-        return value
+            above *= _at(numerator, s)
+            below *= _at(denominator, s)
+        return np.asarray(above / below)
 
     def apply(self, samples: ArrayLike, rate: float) -> Array:
         """Weighted time signal of a sampled one that was zero before its first sample.
@@ -208,12 +211,23 @@ def through_spectrum(
     Zeros follow the samples for as long as the slowest pole rings (`slowest` is its decay in 1/s),
     so that nothing comes back at the start.
     """
-    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+    from scipy.fft import irfft, next_fast_len, rfft
 
     count = samples.shape[-1]
     length = next_fast_len(count + math.ceil(SETTLED * rate / slowest), real=True)
-    spectrum = rfft(samples, length) * factor(rfftfreq(length, 1 / rate))
+    spectrum = rfft(samples, length)
+    # records of an ensemble are of one length; one that is very long comes alone
+    of_lines = _of_lines if length <= LONGEST_KEPT else _of_lines.__wrapped__
+    spectrum *= of_lines(factor, length, rate)
     return np.asarray(irfft(spectrum, length)[..., :count])
+
+
+@lru_cache(maxsize=4)
+def _of_lines(factor: Callable[[Array], ComplexArray], length: int, rate: float) -> ComplexArray:
+    """Factor at the lines of a discrete spectrum."""
+    value = factor(np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=float))
+    value.setflags(write=False)
+    return value
 
 
 def checked_samples(samples: ArrayLike) -> Array:
@@ -231,6 +245,14 @@ def checked_samples(samples: ArrayLike) -> Array:
             f"samples[{where}] = {x[place]} is not finite; repair the record or cut it there."
         )
     return x
+
+
+def _at(polynomial: Array, s: ComplexArray) -> ComplexArray:
+    """Value of a polynomial, highest power first; numpy.polyval takes twenty times as long."""
+    value = np.asarray(polynomial[0], dtype=complex)
+    for coefficient in polynomial[1:]:
+        value = value * s + coefficient
+    return value
 
 
 def _quadratic(f: float, q: float) -> Array:
