@@ -53,9 +53,9 @@ def random_response(
 
     Every realisation starts at rest relative to the base, is run for `settle` and then gathered
     over the duration of `excitation` (whose fading is not used). The interval of an r.m.s. value
-    is that of Student's t for the mean of the realisations' mean squares. Steps are fixed: linear
-    motion is exact, forces of non-linear elements are taken to fourth order, and the error that
-    the step makes of any r.m.s. value is measured by halving it (`step_error`).
+    is that of Student's t for the logarithm of the mean of the realisations' mean squares. Steps
+    are fixed: linear motion is exact, forces of non-linear elements are taken to fourth order, and
+    the error that the step makes of any r.m.s. value is measured by halving it (`step_error`).
 
     Parameters
     ----------
@@ -206,12 +206,18 @@ def student(count: int, confidence: float) -> float:
 
 
 def rms_intervals(mean_squares: Array, confidence: float) -> tuple[Array, Array, Array]:
-    """R.m.s. values and both ends of their intervals, from (members, outputs) to (outputs,)."""
+    """R.m.s. values and both ends of their intervals, from (members, outputs) to (outputs,).
+
+    Student's t for the logarithm of the mean of the mean squares: these are positive and skewed to
+    the right, so that an interval of equal arms would miss more often than it says.
+    """
     count = mean_squares.shape[0]
     mean = mean_squares.mean(0)
     spread = mean_squares.std(0, ddof=1) if count > 1 else np.full_like(mean, np.nan)
-    half = student(count, confidence) * spread / math.sqrt(count)
-    return np.sqrt(mean), np.sqrt(np.maximum(mean - half, 0.0)), np.sqrt(mean + half)
+    relative = spread / np.where(mean > 0.0, mean, 1.0)
+    arm = np.exp(student(count, confidence) * relative / math.sqrt(count) / 2)
+    rms = np.sqrt(mean)
+    return rms, rms / arm, rms * arm
 
 
 class _Request(NamedTuple):
