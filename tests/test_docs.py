@@ -162,7 +162,7 @@ BELOW = {
     "model": ("kernels.laws", "kernels.memory_laws", "signals", "standards", "units", "errors"),
     "analysis": ("model", "kernels", "signals", "standards", "units", "errors"),
     "output": ("analysis", "model", "kernels", "signals", "standards", "units", "errors"),
-    "paper": ("output", "analysis", "model", "kernels", "units", "errors"),
+    "paper": ("output", "analysis", "model", "kernels", "signals", "units", "errors"),
     "app": (
         *("paper", "output", "analysis", "model", "kernels", "signals", "standards"),
         *("units", "errors"),

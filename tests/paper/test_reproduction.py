@@ -15,6 +15,8 @@ from seatdyn.paper.cases import AS_PRINTED, AS_READ, NEAR, compute_table, readin
 from seatdyn.paper.deviations import TARGET, TARGETS, table_statistics
 from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.figures import FIGURES
+from seatdyn.paper.random_cases import RANDOM_READINGS
+from seatdyn.paper.random_tables import RANDOM_GROUPS, RANDOM_TABLES
 from seatdyn.paper.reproduce import reproduce
 from seatdyn.paper.tables import GROUPS, TABLES, group_columns, printed_table
 
@@ -149,13 +151,17 @@ def test_the_whole_run(tmp_path):
 
     text = (tmp_path / "summary.json").read_text(encoding="utf-8")
     assert json.loads(text, parse_constant=refuse) == summary
-    for number in range(1, 9):
+    for number in range(1, 11):
         assert (tmp_path / "tables" / f"table{number:02d}.csv").stat().st_size > 200
     for number in TABLES:
         found = summary[f"table{number:02d}"]
         assert set(found) == {r.name for r in readings(number % 2 == 0)}
         assert all(set(groups) == set(GROUPS) for groups in found.values())
-    assert [f.number for f in FIGURES] == [2, *range(4, 28)]
+    for number in RANDOM_TABLES:
+        found = summary[f"table{number:02d}"]
+        assert set(found) == {r.name for r in RANDOM_READINGS}
+        assert all(set(groups) == set(RANDOM_GROUPS) for groups in found.values())
+    assert [f.number for f in FIGURES] == [2, *range(4, 32)]
     for figure in FIGURES:
         png = (tmp_path / "figures" / f"{figure.key}.png").read_bytes()
         assert png.startswith(b"\x89PNG")
@@ -174,4 +180,6 @@ def test_the_whole_run(tmp_path):
         "amplitude",
         "table_5",
         "table_8",
+        "piecewise_ratios",
+        "coulomb_ratios",
     }

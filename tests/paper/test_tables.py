@@ -58,7 +58,7 @@ def test_certain_misprints_are_single_cells_of_the_table(number):
     names = {table.cell(int(i), int(j)) for i, j in np.argwhere(table.excluded)}
     assert names == EXCLUDED[number]
     for (row, column), misprint in excluded_cells(number).items():
-        i, j = table.rows.tolist().index(row), table.columns.index(column)
+        i, j = table.labels.index(row), table.columns.index(column)
         assert float(misprint.printed) == table.values[i, j]
         assert misprint.basis
 

@@ -182,20 +182,28 @@ def rms_ratio(
         data["member_rms"].isel(realisation=slice(count)) ** 2 for data in (numerator, denominator)
     )
     first, second = xr.align(first, second, join="inner")
-    ratio = first.mean("realisation") / second.mean("realisation")
-    spread = (first - ratio * second).std("realisation", ddof=1) / second.mean("realisation")
-    half = student(count, confidence) * spread / math.sqrt(count)
+    found = ratio_interval(first.to_numpy(), second.to_numpy(), confidence)
     data = xr.Dataset(
-        {
-            "ratio": np.sqrt(ratio),
-            "low": np.sqrt(np.maximum(ratio - half, 0.0)),
-            "high": np.sqrt(ratio + half),
-        }
+        {n: ("output", v) for n, v in zip(("ratio", "low", "high"), found, strict=True)},
+        coords={"output": first["output"]},
     )
     for variable in data.variables.values():
         variable.attrs.setdefault("units", "1")
     data.attrs = {"confidence": confidence, "realisations": count, "status": str(Status.OK)}
     return data
+
+
+def ratio_interval(first: Array, second: Array, confidence: float) -> Array:
+    """Ratio of two r.m.s. values and both ends of its interval, (3, outputs).
+
+    first, second : mean squares of the same realisations, (members, outputs)
+    """
+    count = first.shape[0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # an output that the second has not
+        ratio = first.mean(0) / second.mean(0)
+        spread = (first - ratio * second).std(0, ddof=1) / second.mean(0)
+    half = student(count, confidence) * spread / math.sqrt(count)
+    return np.sqrt([ratio, np.maximum(ratio - half, 0.0), ratio + half])
 
 
 def student(count: int, confidence: float) -> float:

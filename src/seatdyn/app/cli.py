@@ -128,10 +128,14 @@ def reproduce(
         summary = run(out, progress=progress)
     groups = ("acceleration", "displacement", "relative", "force", "nonlinear_force")
     rows = [
-        (table, reading, *(_percent(readings[reading][group]["rms"]) for group in groups))
+        (
+            table,
+            reading,
+            *(_percent(readings[reading].get(group, {}).get("rms")) for group in groups),
+        )
         for table, readings in summary.items()
         if table.startswith("table") and isinstance(readings, dict)
-        for reading in ("as_printed", "as_read")
+        for reading in ("as_printed", "consistent", "as_read")
         if reading in readings
     ]
     write_table(

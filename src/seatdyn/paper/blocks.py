@@ -1,4 +1,4 @@
-"""Tables as CSV in three blocks: printed, computed, deviation."""
+"""Tables as CSV in blocks: printed, computed, deviation; of ratios also their intervals."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from seatdyn.paper.deviations import relative_deviation
 from seatdyn.paper.linear_tables import LinearCell
+from seatdyn.paper.random_tables import PrintedRatios
 from seatdyn.paper.tables import COLUMNS, UNITS, Array, PrintedTable, printed_table
 from seatdyn.paper.writing import OutputFolder
 
@@ -30,6 +31,23 @@ def write_amplitudes(folder: OutputFolder, table: PrintedTable, computed: dict[s
             for value, line in zip(values, content, strict=True):
                 rows.append([block, reading, value, *(number(x, digits) for x in line.tolist())])
     header = ["block", "reading", table.parameter, *table.columns]
+    folder.write_csv(f"tables/{table.key}.csv", header, rows)
+
+
+def write_ratios(folder: OutputFolder, table: PrintedRatios, computed: dict[str, Array]) -> None:
+    """Write Table 9 or 10; the blocks computed, low, high and deviation once for each reading."""
+    rows: list[list[str]] = []
+    names = [[parameter, f"{value:g}", str(n)] for parameter, value, n in table.rows]
+    for name, text in zip(names, table.text, strict=True):
+        rows.append(["printed", "", *name, *text])
+    for reading, array in computed.items():
+        deviation = relative_deviation(table.values, array[0])
+        blocks = {"computed": array[0], "low": array[1], "high": array[2], "deviation": deviation}
+        for block, content in blocks.items():
+            digits = 4 if block == "deviation" else 6
+            for name, line in zip(names, content, strict=True):
+                rows.append([block, reading, *name, *(number(x, digits) for x in line.tolist())])
+    header = ["block", "reading", "parameter", "value", "n", *table.columns]
     folder.write_csv(f"tables/{table.key}.csv", header, rows)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seatdyn.paper.tables import GROUPS, Array, PrintedTable, group_columns
+from seatdyn.paper.tables import GROUPS, Array, PrintedCells, PrintedTable, group_columns
 
 TARGET = 0.003  # r.m.s. of the relative deviation
 # Table -> groups for which the target is set under the reading "as_read".
@@ -37,11 +38,18 @@ def relative_deviation(printed: Array, computed: Array) -> Array:
 
 def group_statistics(table: PrintedTable, computed: Array, group: str) -> dict[str, Any]:
     """Deviation of one column group, see `DEFINITIONS`."""
-    columns = group_columns(group)
+    wanted = np.zeros(computed.shape, dtype=bool)
+    wanted[:, group_columns(group)] = True
+    return cell_statistics(table, computed, wanted)
+
+
+def cell_statistics(
+    table: PrintedCells, computed: Array, wanted: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Deviation of the cells `wanted`, see `DEFINITIONS`."""
     deviation = relative_deviation(table.values, computed)
     zero = table.values == 0.0
-    counted = np.zeros(deviation.shape, dtype=bool)
-    counted[:, columns] = True
+    counted = wanted.copy()
     left_out = np.argwhere(counted & table.excluded)
     zeros = np.argwhere(counted & zero)
     counted &= ~(table.excluded | zero)

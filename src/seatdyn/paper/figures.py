@@ -1,4 +1,4 @@
-"""Figures 2 and 4 to 27: what each shows, and how it is drawn from results."""
+"""Figures 2 and 4 to 31: what each shows, and how it is drawn from results."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from seatdyn.paper.cases import (
     solve,
 )
 from seatdyn.paper.figure_stability import draw_stability
+from seatdyn.paper.figures_random import ACCELERATIONS, FORCES, draw_ratios
 from seatdyn.paper.tables import OUTPUTS, Array, printed_table
 
 if TYPE_CHECKING:
@@ -240,6 +241,19 @@ def _figures() -> tuple[PaperFigure, ...]:
                     partial(draw_influence, table, forces),
                 ),
             ]
+    for back_on in (False, True):
+        for k, (what, outputs) in enumerate(
+            {"accelerations": ACCELERATIONS, "forces": FORCES}.items()
+        ):
+            figures.append(
+                PaperFigure(
+                    28 + 2 * back_on + k,
+                    f"Ratios of the r.m.s. {what}, quadratic over linear damping, "
+                    f"{POSTURES[back_on]}, under narrow-band noise (Table {9 + back_on}). The "
+                    "paper does not say which ratios it shows.",
+                    partial(draw_ratios, 9 + back_on, outputs),
+                )
+            )
     return tuple(figures)
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
 DATA = resources.files("seatdyn.paper") / "data"
+# A row of Tables 3 to 8, or with a level one of Tables 9 and 10; not a range of rows.
+ROW = re.compile(r"(gamma|beta1|beta2)=\d+(, [248]?a0)?")
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,8 @@ class Misprint:
     Parameters
     ----------
     table : number of the table as text, or the place in the text (``"eq. (3)"``)
-    row : row of the table as ``"gamma=800"``; ``"header"`` or a range where it is no single cell
+    row : row of the table as ``"gamma=800"``, with its level in Tables 9 and 10 (``"gamma=100,
+        2a0"``); ``"header"`` or a range where it is no single cell
     column : header of the column as printed
     printed, likely : what stands there, and what most likely should
     confidence : ``"high"``, ``"low"``, or a remark
@@ -34,20 +38,10 @@ class Misprint:
     basis: str
 
     @property
-    def cell(self) -> tuple[int, float, str] | None:
-        """Table, value of the row's parameter and column; None where it is no single cell."""
-        name, _, value = self.row.partition("=")
-        if not self.table.isdigit() or name not in ("gamma", "beta1", "beta2"):
-            return None
-        try:
-            return int(self.table), float(value), self.column
-        except ValueError:  # a range of rows
-            return None
-
-    @property
     def excluded(self) -> bool:
         """Whether the cell is left out of the statistics: single, and certain."""
-        return self.cell is not None and self.confidence == "high"
+        single = self.table.isdigit() and ROW.fullmatch(self.row) is not None
+        return single and self.confidence == "high"
 
 
 def read_rows(name: str) -> list[dict[str, str]]:
@@ -58,14 +52,10 @@ def read_rows(name: str) -> list[dict[str, str]]:
 
 @cache
 def load_misprints() -> tuple[Misprint, ...]:
-    """All suspected misprints of Tables 1 to 8 and of the text around them."""
+    """All suspected misprints of Tables 1 to 10 and of the text around them."""
     return tuple(Misprint(**row) for row in read_rows("misprints.csv"))
 
 
-def excluded_cells(table: int) -> dict[tuple[float, str], Misprint]:
-    """Cells of a table that are left out of the statistics: (parameter, column) -> misprint."""
-    return {
-        (m.cell[1], m.cell[2]): m
-        for m in load_misprints()
-        if m.excluded and m.cell is not None and m.cell[0] == table
-    }
+def excluded_cells(table: int) -> dict[tuple[str, str], Misprint]:
+    """Cells of a table that are left out of the statistics: (row, column) -> misprint."""
+    return {(m.row, m.column): m for m in load_misprints() if m.excluded and m.table == str(table)}

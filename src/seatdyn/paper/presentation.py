@@ -13,6 +13,8 @@ from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.figures import FIGURES
 from seatdyn.paper.linear_tables import EXCEPTIONS, LinearCell
 from seatdyn.paper.misprints import excluded_cells, load_misprints
+from seatdyn.paper.presentation_random import random_overview, random_views
+from seatdyn.paper.random_cases import RANDOM_READINGS
 from seatdyn.paper.tables import (
     COLUMNS,
     GROUPS,
@@ -51,6 +53,7 @@ def report_html(
     summary: dict[str, Any],
     linear: dict[str, list[LinearCell]],
     computed: dict[int, dict[str, Array]],
+    ratios: dict[int, dict[str, Array]],
     claims: list[Claim],
     images: dict[str, bytes],
 ) -> str:
@@ -69,6 +72,9 @@ def report_html(
             "linear": [_linear(key, cells) for key, cells in linear.items()],
             "claims": claims,
             "tables": [view for number in computed for view in _views(number, computed[number])],
+            "random": random_overview(summary, MARKED),
+            "ratios": random_views(ratios, MARKED),
+            "random_readings": {r.name: r.text for r in RANDOM_READINGS},
             "figures": figures,
             "misprints": load_misprints(),
             "open": [claim for claim in claims if claim.verdict in ("open", "not confirmed")],
@@ -190,7 +196,7 @@ def _side_by_side(table: PrintedTable, reading: str, values: Array) -> dict[str,
     for i, value in enumerate(table.rows.tolist()):
         cells = []
         for j, column in enumerate(table.columns):
-            misprint = wrong.get((value, column))
+            misprint = wrong.get((table.labels[i], column))
             if misprint is not None:
                 text = f"{table.cell(i, j)}: printed {misprint.printed}, likely {misprint.likely}"
                 notes.append(f"{text} ({misprint.basis}).")

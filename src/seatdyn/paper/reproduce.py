@@ -1,4 +1,4 @@
-"""The whole deterministic study of the paper in one call."""
+"""The whole study of the paper in one call."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from seatdyn.paper.blocks import write_amplitudes, write_columns, write_linear
+from seatdyn.paper.blocks import write_amplitudes, write_columns, write_linear, write_ratios
 from seatdyn.paper.cases import compute_table, readings
 from seatdyn.paper.claims import verify_claims
 from seatdyn.paper.deviations import DEFINITIONS, TARGETS, table_statistics
 from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.linear_tables import LinearCell, outside_rounding, table01, table02
 from seatdyn.paper.provenance import provenance
+from seatdyn.paper.random_cases import RANDOM_READINGS, compute_ratios
+from seatdyn.paper.random_claims import random_claims
+from seatdyn.paper.random_tables import RANDOM_TABLES, printed_ratios
 from seatdyn.paper.tables import TABLES, Array, printed_table
 from seatdyn.paper.writing import OutputFolder
 
 Progress = Callable[[float, str], None]
 # Shares of the run after which each part is over, from its measured time.
-LINEAR_DONE, TABLES_DONE, CLAIMS_DONE, FIGURES_DONE = 0.01, 0.15, 0.60, 0.98
+LINEAR_DONE, TABLES_DONE, RANDOM_DONE, CLAIMS_DONE, FIGURES_DONE = 0.01, 0.10, 0.50, 0.75, 0.98
 
 
 def reproduce(
     out: Path, *, progress: Progress | None = None, figures: bool = True
 ) -> dict[str, Any]:
-    """Recompute Tables 1 to 8 and Figures 2 and 4 to 27, and write them beside the print.
+    """Recompute Tables 1 to 10 and Figures 2 and 4 to 31, and write them beside the print.
 
     Files are written whole as soon as they are finished: ``tables/table01.csv`` ...,
     ``figures/fig02.png`` and ``.svg`` ..., ``summary.json``, ``report.html``.
@@ -67,25 +70,33 @@ def reproduce(
     for k, number in enumerate(TABLES):
         computed[number] = _compute(number, say, LINEAR_DONE + k * share, share)
         write_amplitudes(folder, printed_table(number), computed[number])
-    summary = summarise(linear, computed)
+    ratios: dict[int, dict[str, Array]] = {}
+    share = (RANDOM_DONE - TABLES_DONE) / len(RANDOM_TABLES)
+    for k, number in enumerate(RANDOM_TABLES):
+        ratios[number] = _compute_ratios(number, say, TABLES_DONE + k * share, share)
+        write_ratios(folder, printed_ratios(number), ratios[number])
+    summary = summarise(linear, computed, ratios)
     folder.write_json("summary.json", summary)
 
     claims = verify_claims(
-        lambda done, text: say(TABLES_DONE + done * (CLAIMS_DONE - TABLES_DONE), text)
+        lambda done, text: say(RANDOM_DONE + done * (CLAIMS_DONE - RANDOM_DONE), text)
     )
+    claims += random_claims(ratios)
     summary["claims"] = [claim.as_dict() for claim in claims]
     folder.write_json("summary.json", summary)
     images: dict[str, bytes] = {}
     if figures:
-        images = _draw(folder, computed, say)
+        images = _draw(folder, computed | ratios, say)
     say(FIGURES_DONE, "Report")
-    folder.write("report.html", report_html(summary, linear, computed, claims, images))
+    folder.write("report.html", report_html(summary, linear, computed, ratios, claims, images))
     say(1.0, "Done")
     return summary
 
 
 def summarise(
-    linear: dict[str, list[LinearCell]], computed: dict[int, dict[str, Array]]
+    linear: dict[str, list[LinearCell]],
+    computed: dict[int, dict[str, Array]],
+    ratios: dict[int, dict[str, Array]],
 ) -> dict[str, Any]:
     """Statistics of all tables, as in ``summary.json``."""
     summary: dict[str, Any] = {
@@ -94,7 +105,8 @@ def summarise(
         "readings": {
             f"table{number:02d}": {r.name: r.text for r in readings(printed_table(number).back_on)}
             for number in computed
-        },
+        }
+        | {printed_ratios(n).key: {r.name: r.text for r in RANDOM_READINGS} for n in ratios},
         "explanations": {
             f"table{number:02d}": {g: text for (n, g), text in EXPLANATIONS.items() if n == number}
             for number in computed
@@ -118,6 +130,9 @@ def summarise(
     for number, arrays in computed.items():
         table = printed_table(number)
         summary[table.key] = {name: table_statistics(table, a) for name, a in arrays.items()}
+    for number, arrays in ratios.items():
+        printed = printed_ratios(number)
+        summary[printed.key] = {name: printed.statistics(a[0]) for name, a in arrays.items()}
     return summary
 
 
@@ -131,6 +146,18 @@ def _compute(number: int, say: Progress, start: float, share: float) -> dict[str
             say(start + share * (i + done) / len(chosen), f"Table {number}, {name}")
 
         arrays[reading.name] = compute_table(number, reading, progress=tell)
+    return arrays
+
+
+def _compute_ratios(number: int, say: Progress, start: float, share: float) -> dict[str, Array]:
+    """Table 9 or 10 under every reading."""
+    arrays = {}
+    for i, reading in enumerate(RANDOM_READINGS):
+
+        def tell(done: float, i: int = i, name: str = reading.name) -> None:
+            say(start + share * (i + done) / len(RANDOM_READINGS), f"Table {number}, {name}")
+
+        arrays[reading.name] = compute_ratios(number, reading, progress=tell)
     return arrays
 
 

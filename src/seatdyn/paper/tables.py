@@ -1,4 +1,4 @@
-"""Tables 3 to 8 as printed, and what each printed column stands for."""
+"""Printed tables: their cells, and what each column of Tables 3 to 8 stands for."""
 
 from __future__ import annotations
 
@@ -44,22 +44,20 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class PrintedTable:
-    """One of Tables 3 to 8.
+class PrintedCells:
+    """Rows and columns of a printed table.
 
     number : of the table
-    parameter : "gamma", "beta1" or "beta2"
-    columns : headers as printed, (14,)
-    text : the printed figures, rows of 14 texts
-    rows : values of the parameter, (r,)
-    values : (r, 14), SI
+    labels : names of the rows, ``"gamma=800"``
+    columns : headers as printed
+    text : the printed figures
+    values : the same as numbers, (rows, columns)
     """
 
     number: int
-    parameter: str
+    labels: tuple[str, ...]
     columns: tuple[str, ...]
     text: tuple[tuple[str, ...], ...]
-    rows: Array
     values: Array
 
     @property
@@ -74,19 +72,31 @@ class PrintedTable:
 
     @property
     def rounding(self) -> Array:
-        """Half a unit of the last printed digit of every cell, (r, 14)."""
+        """Half a unit of the last printed digit of every cell."""
         digits = [[int(Decimal(t).as_tuple().exponent) for t in line] for line in self.text]
         return np.asarray(0.5 * 10.0 ** np.array(digits, dtype=float))
 
     @property
     def excluded(self) -> NDArray[np.bool_]:
-        """Cells that are certain misprints, (r, 14)."""
+        """Cells that are certain misprints."""
         cells = excluded_cells(self.number)
-        return np.array([[(r, c) in cells for c in self.columns] for r in self.rows.tolist()])
+        return np.array([[(r, c) in cells for c in self.columns] for r in self.labels])
 
     def cell(self, row: int, column: int) -> str:
         """Name of a cell, ``"gamma=800 F_gamma"``."""
-        return f"{self.parameter}={self.rows[row]:g} {self.columns[column]}"
+        return f"{self.labels[row]} {self.columns[column]}"
+
+
+@dataclass(frozen=True)
+class PrintedTable(PrintedCells):
+    """One of Tables 3 to 8; its values are SI, (r, 14).
+
+    parameter : "gamma", "beta1" or "beta2"
+    rows : values of the parameter, (r,)
+    """
+
+    parameter: str
+    rows: Array
 
 
 def group_columns(*groups: str) -> list[int]:
@@ -102,9 +112,10 @@ def printed_table(number: int) -> PrintedTable:
     text = tuple(tuple(line[c] for c in columns) for line in lines)
     return PrintedTable(
         number=number,
-        parameter=parameter,
+        labels=tuple(f"{parameter}={line[parameter]}" for line in lines),
         columns=tuple(columns),
         text=text,
-        rows=np.array([float(line[parameter]) for line in lines]),
         values=np.array(text, dtype=float),
+        parameter=parameter,
+        rows=np.array([float(line[parameter]) for line in lines]),
     )
