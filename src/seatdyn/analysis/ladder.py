@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.exponential import BLOCK, LEVELS, NODES, Ladder
+from seatdyn.kernels.exponential import LEVELS, NODES, Ladder
 from seatdyn.kernels.plant import Plant
+from seatdyn.kernels.product import WIDTH
 
 Array = NDArray[np.float64]
 POINTS = NODES.size
@@ -101,7 +102,7 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     advance = np.concatenate(
         [part[:, node] for node in (1, 3) for part in (rows, accelerations)], axis=-1
     )
-    filling = np.zeros((*advance.shape[:2], -advance.shape[2] % BLOCK))
+    filling = np.zeros((*advance.shape[:2], -advance.shape[2] % WIDTH))
 
     effects = [0, 3]
     # from the coefficients to the end state, (L, 2N, k, p) -> (L, k, p, 2N)

@@ -9,16 +9,17 @@ from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.holding import held_element_forces
 from seatdyn.kernels.jit import inner, kernel
 from seatdyn.kernels.plant import (
-    FREE,
     accelerations,
     base_motion,
-    free_accelerations,
     on_side,
     relative,
     segment_at,
 )
 
-SINGLE, FIRST_HALF, SECOND_HALF = range(3)  # what a row of the record is: last column of `marks`
+# numpy's integers, for which functions are not compiled one by one as for those of Python
+SINGLE, FIRST_HALF, SECOND_HALF = np.arange(
+    3
+)  # what a row of the record is: last column of `marks`
 
 
 @inner
@@ -101,10 +102,7 @@ def sample(plant, record, marks, index, share):
         base = base_motion(plant, times[p], segment)
         bases[0, p], bases[1, p], bases[2, p] = base
         side, held = marks[i, :breaks], marks[i, breaks : breaks + m]
-        if np.any(held != FREE):
-            accelerations(plant, base, y, side, held, a[p], force)
-        else:
-            free_accelerations(plant, base, y, side, a[p], force)
+        accelerations(plant, base, y, side, held, a[p], force)
         for q in range(n):
             z[p, q], v[p, q] = y[q], y[n + q]
         for j in range(m):

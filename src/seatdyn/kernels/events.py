@@ -82,13 +82,14 @@ def bernstein_value(b, degree, s):
 def first_zero(b, tolerance):
     """Where in 0..1 the quintic with Bernstein coefficients b first falls below zero; 2 if nowhere.
 
-    Zero means that it falls below at once. Fewer than `tolerance` below zero do not count. The
-    interval is halved until the signs of the coefficients show a single zero (Descartes); `b` is
-    used up.
+    Zero means that it falls below at once, one that it is about to; less than `tolerance` below
+    zero does not count. The interval is halved until the signs of the coefficients show a single
+    zero (Descartes). `b` is used up.
     """
     lowest = min(min(b[1], b[2]), min(b[3], b[4]), b[5])
     if lowest >= -tolerance:
-        return 2.0
+        meets = b[0] > tolerance and b[4] > tolerance and b[5] <= tolerance
+        return 1.0 if meets else 2.0  # just at the end of the step
     degree = 5
     if b[0] <= tolerance:
         # on the break: what is left after division by s tells where it is met again

@@ -9,13 +9,13 @@ import numpy as np
 
 from seatdyn.kernels.jit import allocating, inlined, inner
 from seatdyn.kernels.plant import channel_force, segment_motion
+from seatdyn.kernels.product import multiply
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
 NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
 ITERATIONS = 12
 FIRST_CHANGE = 0.02  # of the tolerance: small enough to accept without knowing the ratio
 ROUNDING = 4e-16
-BLOCK = 4  # sums that a processor builds side by side; widths of matrices are multiples of it
 
 
 class Ladder(NamedTuple):
@@ -49,7 +49,7 @@ class Work(NamedTuple):
     known: np.ndarray  # (8m,)
     motion: np.ndarray  # (8m,)
     past: np.ndarray  # (4, 4m)
-    effect: np.ndarray  # (2N,)
+    sizes: np.ndarray  # (2, inputs) of what a constant and a third polynomial stand for
 
 
 @allocating
@@ -65,7 +65,7 @@ def make_work(ladder):
         np.zeros(8 * m),
         np.zeros(8 * m),
         np.zeros((4, 4 * m)),
-        np.zeros(ladder.response.shape[3]),
+        np.zeros((2, ladder.response.shape[2])),
     )
 
 
@@ -98,20 +98,6 @@ def place_base(plant, ladder, level, t, segment, work):
 
 
 @inlined
-def multiply(row, first, matrix, result):
-    """result = (the part of `row` from `first` on) @ matrix."""
-    for i in range(0, matrix.shape[1], BLOCK):
-        a = b = c = d = 0.0
-        for k in range(matrix.shape[0]):
-            x = row[first + k]
-            a += x * matrix[k, i]
-            b += x * matrix[k, i + 1]
-            c += x * matrix[k, i + 2]
-            d += x * matrix[k, i + 3]
-        result[i], result[i + 1], result[i + 2], result[i + 3] = a, b, c, d
-
-
-@inlined
 def guess_forces(plant, ladder, level, level_before, force0, z_tolerance, v_tolerance, work):
     """First guess of the nodal forces in the row, and the changes that count as small."""
     m = force0.size
@@ -132,7 +118,7 @@ def guess_forces(plant, ladder, level, level_before, force0, z_tolerance, v_tole
 
 
 @inlined
-def collocate(plant, unknown, side, work):
+def collocate(plant, ladder, level, side, work):
     """Iterate the channel forces at nodes 1-4 in the row until they repeat.
 
     Fixed-point iteration, each new value mixed with the one before so that the last two changes
@@ -144,7 +130,7 @@ def collocate(plant, unknown, side, work):
     first = row.size - 4 * m
     before = np.inf
     for iteration in range(1, ITERATIONS + 1):
-        multiply(row, first, unknown, motion)
+        multiply(row[first:], ladder.unknown, level, motion)
         change = up = down = 0.0
         for i in range(4):
             for j in range(m):
@@ -185,11 +171,9 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
     has the full effect on the end state: r c4 R3 + r^4 c4 R0. For smooth laws r is small; at a
     corner it is near one. Where c4 is small by chance, r c3 stands for it.
     """
-    row, effect, response, legendre = work.row, work.effect, ladder.response, ladder.to_legendre
-    m, n2 = work.tolerance.size, effect.size
-    for i in range(n2):
-        effect[i] = 0.0
-    for j in range(response.shape[2]):
+    row, sizes, response, legendre = work.row, work.sizes, ladder.response, ladder.to_legendre
+    m, inputs, n2 = work.tolerance.size, response.shape[2], response.shape[3]
+    for j in range(inputs):
         # the channel forces stand last in the row; before them the base motion, if it is sampled
         place, stride = (row.size - 5 * m + j, m) if j < m else (n2 + j - m, 2)
         c2 = c3 = c4 = 0.0
@@ -200,14 +184,15 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
             c4 += legendre[2, q] * value
         c2, c3, c4 = max(abs(c2), 1e-300), max(abs(c3), 1e-300), abs(c4)
         r = min(1.0, max(c3 / c2, c4 / c3))
-        last = max(c4, r * c3)
-        third, constant = last * r, last * r**4
-        for i in range(n2):
-            effect[i] += third * response[level, 1, j, i] + constant * response[level, 0, j, i]
-    z_worst = v_worst = 0.0
-    for i in range(n2 // 2):
-        z_worst, v_worst = max(z_worst, effect[i]), max(v_worst, effect[n2 // 2 + i])
-    return max(z_worst / z_tolerance, v_worst / v_tolerance)
+        sizes[1, j] = r * max(c4, r * c3)
+        sizes[0, j] = r**3 * sizes[1, j]
+    worst = 0.0
+    for i in range(n2):
+        error = 0.0
+        for j in range(inputs):
+            error += sizes[0, j] * response[level, 0, j, i] + sizes[1, j] * response[level, 1, j, i]
+        worst = max(worst, error / (z_tolerance if i < n2 // 2 else v_tolerance))
+    return worst
 
 
 @inlined
@@ -251,11 +236,11 @@ def ladder_step(
     iterations = 1
     if force0.size > 0:
         guess_forces(plant, ladder, level, level_before, force0, z_tolerance, v_tolerance, work)
-        multiply(row, 0, ladder.known[level], work.known)
-        iterations = collocate(plant, ladder.unknown[level], side, work)
+        multiply(row, ladder.known, level, work.known)
+        iterations = collocate(plant, ladder, level, side, work)
         if iterations == 0:
             return 0, np.inf, np.inf
-    multiply(row, 0, ladder.advance[level], work.result)
+    multiply(row, ladder.advance, level, work.result)
     error = truncation(ladder, level, z_tolerance, v_tolerance, work)
     gap = interpolation_error(ladder.step[level], y, a0, work.result, z_tolerance, v_tolerance)
     return iterations, error, gap

@@ -18,8 +18,13 @@ from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.kernels.dense import FIRST_HALF, SECOND_HALF, SINGLE, state_within
 from seatdyn.kernels.events import ROUNDING, break_tolerance, distance, find_event, sides_of
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
-from seatdyn.kernels.jit import allocating, inlined, inner, kernel
-from seatdyn.kernels.plant import accelerations, base_motion, free_accelerations, segment_at
+from seatdyn.kernels.jit import allocating, inner, kernel
+from seatdyn.kernels.plant import (
+    accelerations,
+    base_motion,
+    is_holding,
+    segment_at,
+)
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
@@ -60,8 +65,8 @@ def first_break(plant, half, base, y, a0, ym, am, y1, a1, side, held, z_scale, v
 
 @inner
 def cut(
-    plant, t, half, segment, y0, a0, result, reach, row, channel, side, tolerance, y_end, y_middle,
-    acceleration, force, force0,
+    plant, t, half, segment, y0, a0, result, reach, row, channel, side, held, tolerance, y_end,
+    y_middle, acceleration, force, force0,
 ):  # fmt: skip
     """End a ladder step after `reach` half steps, or on break `row` nearby (-1: none).
 
@@ -74,7 +79,7 @@ def cut(
     for _ in range(CORRECTIONS):
         state_within(half, reach - 1.0, y0, a0, ym, am, y1, a1, y_end)
         base = base_motion(plant, t + reach * half, segment)
-        free_accelerations(plant, base, y_end, side, acceleration, force0)
+        accelerations(plant, base, y_end, side, held, acceleration, force0)
         if row < 0:
             break
         # the polynomial that found the break was less accurate
@@ -88,14 +93,12 @@ def cut(
     copy(acceleration, a1)
     copy(y_middle, ym)
     base = base_motion(plant, t + 0.5 * reach * half, segment)
-    free_accelerations(plant, base, ym, side, am, force)
+    accelerations(plant, base, ym, side, held, am, force)
     return reach
 
 
 @inner
-def land(
-    plant, t, trial, high, segment, y, k, side, held, holding, y1, force, row, channel, tolerance
-):
+def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, channel, tolerance):
     """Take a step of about `trial` s, at most `high`, that ends on break `row`.
 
     With `row` < 0 it ends where a holding force leaves its jump. Returns the size of the step.
@@ -104,7 +107,7 @@ def land(
     low, h, g, slope = 0.0, trial, np.inf, 0.0
     for _ in range(REFINEMENTS):
         h = trial
-        rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force)
+        rk_step(plant, t, h, segment, y, k, side, held, y1, force)
         if row < 0:
             g, _ = held_margin(plant, t + h, segment, y1, side, held, force)
         else:
@@ -130,15 +133,6 @@ def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, forc
         try_to_hold(plant, t, segment, y, row, channel, side, held, stick_speed, force)
 
 
-@inner
-def is_holding(held):
-    """Whether some channel rests on a jump."""
-    for j in range(held.size):
-        if held[j] >= 0:
-            return True
-    return False
-
-
 @allocating
 def grow(old, new):
     """Copy the rows of a record into a longer one."""
@@ -148,7 +142,7 @@ def grow(old, new):
     return new
 
 
-@inlined
+@inner
 def save_step(record, marks, i, t, y, a0, a1, side, held, part):
     """Write step i: time, state and acceleration at its start, acceleration at its end, marks."""
     n = a0.size
@@ -219,10 +213,14 @@ def integrate(
     window, in_window = t, 0
     z_scale, v_scale = z_floor, v_floor
     # a displacement of 1 m moves velocities by its rounding times the fastest rate
-    rounding = 1e-15 * math.sqrt(np.abs(plant.linear[:, : 2 * n]).max())
+    fastest = 0.0
+    for i in range(n):
+        for q in range(2 * n):
+            fastest = max(fastest, abs(plant.linear[i, q]))
+    rounding = 1e-15 * math.sqrt(fastest)
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level, patience = START_LEVEL, 0
-    level_before = -1  # of the ladder step before, if its forces can be extrapolated
+    level_before = np.int64(-1)  # of the ladder step before, if its forces can be extrapolated
     rk_until = -np.inf  # Dormand-Prince steps up to here
     fresh = True  # accelerations at the start have to be computed
     while t < t1:
@@ -286,8 +284,8 @@ def integrate(
                 if reach < 2.0:
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
                     reach = cut(
-                        plant, t, half, segment, y, a0, result, reach, row, channel, side, near,
-                        y_end, y_middle, a_end, force, force0,
+                        plant, t, half, segment, y, a0, result, reach, row, channel, side, held,
+                        near, y_end, y_middle, a_end, force, force0,
                     )  # fmt: skip
                     level_before = -1
                 else:
@@ -319,7 +317,7 @@ def integrate(
             for i in range(n):
                 k[0, i] = y[n + i]
                 k[0, n + i] = a0[i]
-            rk_step(plant, t, h, segment, y, k, side, held, holding, y_end, force)
+            rk_step(plant, t, h, segment, y, k, side, held, y_end, force)
             error = rk_error(k, h, n, z_tolerance, v_tolerance)
             if not error <= 1.0:
                 h_rk = h * max(0.2, 0.9 * error**-0.2) if error < np.inf else 0.1 * h
@@ -345,7 +343,7 @@ def integrate(
                     if row >= 0:
                         tolerance = break_tolerance(plant, row, z_scale, v_scale)
                     h = land(
-                        plant, t, share * h, h, segment, y, k, side, held, holding, y_end, force,
+                        plant, t, share * h, h, segment, y, k, side, held, y_end, force,
                         row, channel, tolerance,
                     )  # fmt: skip
                 if t + h > t:

@@ -65,7 +65,7 @@ def segment_motion(plant, t, k):
     return x, v, a
 
 
-@inlined
+@inner
 def base_motion(plant, t, segment):
     """Base displacement, velocity and acceleration."""
     x, v, a = segment_motion(plant, t, segment)
@@ -82,7 +82,10 @@ def base_motion(plant, t, segment):
 @inner
 def segment_at(plant, t):
     """Index of the input segment at time t."""
-    return max(np.searchsorted(plant.segments[:, 0], t, side="right") - 1, 0)
+    k = plant.segments.shape[0] - 1
+    while k > 0 and plant.segments[k, 0] > t:
+        k -= 1
+    return k
 
 
 @inlined
@@ -117,17 +120,6 @@ def on_side(plant, j, d, v, side):
 
 
 @inlined
-def sum_of_laws(plant, j, d, v):
-    """Sum of the forces of the elements of channel j."""
-    total = 0.0
-    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-        total += call_law(
-            plant.elements[e, ADDRESS], d, v, plant.parameters, plant.elements[e, OFFSET]
-        )
-    return total
-
-
-@inlined
 def channel_force(plant, j, d, v, side):
     """Force of channel j on the side of its breaks that the run is on.
 
@@ -141,13 +133,24 @@ def channel_force(plant, j, d, v, side):
         # a law that jumps may not be asked for its value at the jump
         if side[r] * g < 0.0 or (g == 0.0 and plant.breaks[r, IS_JUMP] == 1):
             beyond, excess = r, g
-    if beyond < 0:
-        return sum_of_laws(plant, j, d, v)
-    p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
-    d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
-    d_edge, v_edge = on_side(plant, j, d - d_out, v - v_out, side)
-    d_back, v_back = on_side(plant, j, d - 2 * d_out, v - 2 * v_out, side)
-    return 2 * sum_of_laws(plant, j, d_edge, v_edge) - sum_of_laws(plant, j, d_back, v_back)
+    points, d_out, v_out = 1, 0.0, 0.0
+    if beyond >= 0:
+        points = 2
+        p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
+        d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
+        d, v = d - 2 * d_out, v - 2 * v_out
+    # the law here; beyond a break minus the law at the reflected point, plus twice that on it
+    total, sign = 0.0, 1.0 - 2.0 * (points - 1)
+    for i in range(points):
+        x, w = d + i * d_out, v + i * v_out
+        if beyond >= 0:
+            x, w = on_side(plant, j, x, w, side)
+        for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+            total += sign * call_law(
+                plant.elements[e, ADDRESS], x, w, plant.parameters, plant.elements[e, OFFSET]
+            )
+        sign = 2.0
+    return total
 
 
 @inner
@@ -176,24 +179,38 @@ def solve_small(matrix, rhs):
 @allocating
 def hold(plant, held, a0, acceleration, force):
     """Forces that keep the held channels where they are (zero relative acceleration)."""
-    rows = np.nonzero(held >= 0)[0]
-    matrix, rhs = np.empty((rows.size, rows.size)), np.empty(rows.size)
-    for i in range(rows.size):
-        rhs[i] = relative_acceleration(plant, rows[i], acceleration, a0)
-        for k in range(rows.size):
-            matrix[i, k] = plant.gain[rows[i], rows[k]]
+    m = held.size
+    matrix, rhs = np.zeros((m, m)), np.zeros(m)
+    for i in range(m):
+        matrix[i, i] = 1.0
+        if held[i] >= 0:
+            rhs[i] = relative_acceleration(plant, i, acceleration, a0)
+            for k in range(m):
+                if held[k] >= 0:
+                    matrix[i, k] = plant.gain[i, k]
     solve_small(matrix, rhs)
-    for i in range(rows.size):
-        force[rows[i]] = rhs[i]
-        for n in range(acceleration.size):
-            acceleration[n] -= plant.pull[n, rows[i]] * rhs[i]
+    for i in range(m):
+        if held[i] >= 0:
+            force[i] = rhs[i]
+            for n in range(acceleration.size):
+                acceleration[n] -= plant.pull[n, i] * rhs[i]
 
 
-@inlined
-def free_accelerations(plant, base, y, side, acceleration, force):
-    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'], nothing held.
+@inner
+def is_holding(held):
+    """Whether some channel rests on a jump."""
+    for j in range(held.size):
+        if held[j] >= 0:
+            return True
+    return False
+
+
+@inner
+def accelerations(plant, base, y, side, held, acceleration, force):
+    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'].
 
     base : base displacement, velocity, acceleration
+    held : channels at a jump that are kept where they are
     """
     n, m = acceleration.size, force.size
     linear = plant.linear
@@ -203,21 +220,10 @@ def free_accelerations(plant, base, y, side, acceleration, force):
             total += linear[i, k] * y[k]
         acceleration[i] = total
     for j in range(m):
-        d, v = relative(plant, j, y, base[0], base[1])
-        force[j] = channel_force(plant, j, d, v, side)
-        for i in range(n):
-            acceleration[i] -= plant.pull[i, j] * force[j]
-
-
-@inner
-def accelerations(plant, base, y, side, held, acceleration, force):
-    """The same with the channels that are held at a jump kept where they are."""
-    free_accelerations(plant, base, y, side, acceleration, force)
-    holding = False
-    for j in range(force.size):
-        if held[j] >= 0:
-            holding = True
-            for i in range(acceleration.size):
-                acceleration[i] += plant.pull[i, j] * force[j]
-    if holding:
+        if held[j] < 0:
+            d, v = relative(plant, j, y, base[0], base[1])
+            force[j] = channel_force(plant, j, d, v, side)
+            for i in range(n):
+                acceleration[i] -= plant.pull[i, j] * force[j]
+    if is_holding(held):
         hold(plant, held, base[2], acceleration, force)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.jit import inner
-from seatdyn.kernels.plant import accelerations, base_motion, free_accelerations
+from seatdyn.kernels.plant import accelerations, base_motion
 
 C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
 A = np.array(
@@ -23,7 +23,7 @@ E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, 
 
 
 @inner
-def rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force):
+def rk_step(plant, t, h, segment, y, k, side, held, y1, force):
     """One step from y; k (7, 2N) has its first row set, gets the others; fills y1 and force."""
     n = y.size // 2
     for s in range(1, 7):
@@ -35,10 +35,7 @@ def rk_step(plant, t, h, segment, y, k, side, held, holding, y1, force):
         for i in range(n):
             k[s, i] = y1[n + i]
         base = base_motion(plant, t + C[s] * h, segment)
-        if holding:
-            accelerations(plant, base, y1, side, held, k[s, n:], force)
-        else:
-            free_accelerations(plant, base, y1, side, k[s, n:], force)
+        accelerations(plant, base, y1, side, held, k[s, n:], force)
 
 
 @inner

@@ -1,0 +1,60 @@
+"""A row times a matrix, several columns at a time: what a ladder step spends most of its time on.
+
+The compiler does not find the vector instructions by itself, since it must reckon with negative
+indices and with arrays that overlap; so they are spelled out.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+WIDTH = 8  # columns that are summed up side by side; matrices have a multiple of it
+
+
+@intrinsic
+def multiply(typingctx, row, matrices, index, result):
+    """result = row[:rows] @ matrices[index], for C-contiguous arrays; no bounds are checked.
+
+    row : (>= rows,)
+    matrices : (L, rows, columns), columns a multiple of WIDTH
+    result : (columns,)
+    """
+    signature = types.void(row, matrices, types.int64, result)
+
+    def codegen(context, builder, sig, args):
+        table = context.make_array(sig.args[1])(context, builder, args[1])
+        _, rows, columns = cgutils.unpack_tuple(builder, table.shape)
+        start, end = (
+            context.make_array(sig.args[i])(context, builder, args[i]).data for i in (0, 3)
+        )
+        vector = ir.VectorType(ir.DoubleType(), WIDTH)
+        first = builder.gep(table.data, [builder.mul(args[2], builder.mul(rows, columns))])
+        total = cgutils.alloca_once(builder, vector)
+        width = ir.Constant(columns.type, WIDTH)
+
+        def at(pointer, place):
+            """Pointer to WIDTH numbers; they need not be aligned."""
+            return builder.bitcast(builder.gep(pointer, [place]), vector.as_pointer())
+
+        with cgutils.for_range_slice(builder, columns.type(0), columns, width) as (column, _):
+            builder.store(ir.Constant(vector, None), total)
+            with cgutils.for_range(builder, rows) as loop:
+                x = builder.load(builder.gep(start, [loop.index]))
+                one = builder.insert_element(
+                    ir.Constant(vector, ir.Undefined), x, ir.IntType(32)(0)
+                )
+                all_x = builder.shuffle_vector(
+                    one, one, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+                )
+                place = builder.add(builder.mul(loop.index, columns), column)
+                entries = builder.load(at(first, place), align=8)
+                builder.store(
+                    builder.fadd(builder.load(total), builder.fmul(all_x, entries)), total
+                )
+            builder.store(builder.load(total), at(end, column), align=8)
+        return context.get_dummy_value()
+
+    return signature, codegen
