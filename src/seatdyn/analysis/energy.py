@@ -41,11 +41,13 @@ class EnergyBalance:
     dissipated: float
     feedback_work: float
     throughput: float
+    force_work: float = 0.0
 
     @property
     def residual(self) -> float:
-        """|change - base work + dissipation - feedback work| / throughput."""
-        defect = self.change - self.base_work + self.dissipated - self.feedback_work
+        """|change - work of base, feedback and outside forces + dissipation| / throughput."""
+        put_in = self.base_work + self.feedback_work + self.force_work
+        defect = self.change - put_in + self.dissipated
         return abs(defect) / max(self.throughput, 1e-300)
 
     def closes(self, rtol: float) -> bool:
@@ -57,13 +59,13 @@ def energy_balance(run: Run) -> EnergyBalance:
     """Energy balance of a run, each power integrated by Gauss quadrature over its steps."""
     shares, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
     sizes = np.diff(run.record[:, 0])
-    works = np.zeros(4)
+    works = np.zeros(5)
     for first in range(0, run.steps, CHUNK):
         last = min(first + CHUNK, run.steps)
-        base, dissipation, feedback = powers(run, run.in_steps(shares, first, last))
-        rates = np.abs(base) + np.abs(dissipation) + np.abs(feedback)
+        samples = run.in_steps(shares, first, last)
+        flows = np.array([*powers(run, samples), outside_power(samples)])
         measure = (sizes[first:last, None] * weights).ravel()
-        works += np.array([base, dissipation, feedback, rates]) @ measure
+        works += np.vstack([flows, np.abs(flows).sum(0)]) @ measure
     ends = run.sample(np.array([0, run.steps - 1]), np.array([0.0, 1.0]))
     energies = stored_energy(run, ends)
     return EnergyBalance(
@@ -71,8 +73,16 @@ def energy_balance(run: Run) -> EnergyBalance:
         base_work=float(works[0]),
         dissipated=float(works[1]),
         feedback_work=float(works[2]),
-        throughput=max(float(works[3]), float(np.abs(energies).max())),
+        force_work=float(works[3]),
+        throughput=max(float(works[4]), float(np.abs(energies).max())),
     )
+
+
+def outside_power(samples: Samples) -> Array:
+    """Power put in by forces from outside, (p,), W."""
+    if samples.outside is None:
+        return np.zeros(samples.time.size)
+    return np.asarray(np.einsum("pi,pi->p", samples.outside, samples.velocity))
 
 
 def _extended(samples: Samples) -> tuple[Array, Array]:

@@ -43,9 +43,11 @@ from seatdyn.kernels.hysteretic import Memory
 from seatdyn.kernels.jit import MEMORY_FORCE, MEMORY_RATE, CompileNotice, law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.excitation import Excitation, Motion
+from seatdyn.model.force import ConstantForce, ExternalForce, WithForces
 from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
+REASON = "Runs with elements that have states of their own, or with forces from outside,"
 
 
 def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) -> Problem:
@@ -54,17 +56,18 @@ def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) 
     Raises
     ------
     RequestError
-        Delays beside elements with states of their own.
+        Delays, or forces that stick, beside elements with states or forces from outside.
     """
-    if not system.memory_elements:
-        return Problem.make(system, excitation.motion, settings)
+    forces = excitation.forces if isinstance(excitation, WithForces) else ()
+    base = excitation.base if isinstance(excitation, WithForces) else excitation
+    if not system.memory_elements and not forces:
+        return Problem.make(system, base.motion, settings)
     if system.delays:
-        names = ", ".join(element.name for element in system.memory_elements)
         raise RequestError(
-            f"Elements with states of their own ({names}) have no delay beside them yet, and "
-            f"forces of this system act {system.delays[0]:g} s late. Set the delay to 0."
+            f"{REASON} have no delay beside them yet, and forces of this system act "
+            f"{system.delays[0]:g} s late. Set the delay to 0."
         )
-    return HystereticProblem.make(system, excitation.motion, settings)
+    return HystereticProblem.prepare(system, base.motion, forces, settings)
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,11 @@ class HystereticRun(Run):
             arrays = hysteretic.sample(
                 problem.plant, problem.memory, self.record, self.marks, index, share
             )
-        return Samples(*arrays)
+        samples = Samples(*arrays[:-1])
+        outside = np.zeros_like(samples.displacement)
+        for column, place in zip(arrays[-1].T, problem.memory.pushed, strict=True):
+            outside[:, place] += column
+        return samples._replace(outside=outside)
 
 
 @dataclass(frozen=True)
@@ -90,20 +97,22 @@ class HystereticProblem(Problem):
 
     memory: Memory
     state_scale: Array
+    forces: tuple[ExternalForce, ...]
 
     @classmethod
-    def make(cls, system: SeatSystem, motion: Motion, settings: Settings) -> Problem:
-        """Lower `system` and `motion`.
-
-        Raises
-        ------
-        RequestError
-            A force that jumps with the velocity.
-        """
+    def prepare(
+        cls,
+        system: SeatSystem,
+        motion: Motion,
+        forces: tuple[ExternalForce, ...],
+        settings: Settings,
+    ) -> HystereticProblem:
+        """Lower `system`, `motion` and `forces`."""
         plant = lower(system, motion, memory=True)
-        memory, scale = lower_memory(system, plant)
-        longest = min(motion.longest_step, LONGEST_LADDER_STEP)
-        return cls(system, motion, settings, plant, None, longest, memory, scale)
+        memory, scale = lower_memory(system, plant, forces)
+        steps = [motion.longest_step, *(force.history.longest_step for force in forces)]
+        longest = min(*steps, LONGEST_LADDER_STEP)
+        return cls(system, motion, settings, plant, None, longest, memory, scale, forces)
 
     @property
     def uses_ladder(self) -> bool:
@@ -126,6 +135,24 @@ class HystereticProblem(Problem):
             first, second = element.between
             states += element.settled(motion[second] - motion[first])
         return np.array(states)
+
+    def rest_pulls(self, z: Array, x0: float) -> Array:
+        """Forces in N, downwards, on the nodes at rest at `z` (m), a row (N,) for each element with
+        states, settled, and for each constant force from outside.
+        """
+        motion = np.append(z, x0)
+        place = {node: i for i, node in enumerate((*self.system.linear.nodes, BASE))}
+        rows: list[Array] = []
+        for element in self.system.memory_elements:
+            row = np.zeros(motion.size)
+            row[[place[node] for node in element.between]] = -1.0, 1.0
+            law, d = element.lower(), float(row @ motion)
+            rows.append(row * law.force(d, 0.0, element.settled(d), law.parameters))
+        for outside in self.forces:
+            row = np.zeros(motion.size)
+            row[place[outside.node]] = -1.0
+            rows += [row * outside.level] if isinstance(outside, ConstantForce) else []
+        return np.array(rows).reshape(-1, motion.size)[:, :-1]
 
     def run(
         self,
@@ -173,15 +200,16 @@ class HystereticProblem(Problem):
         return HystereticRun(self, STATUS[code], events, joined, joined_marks, state)
 
 
-def lower_memory(system: SeatSystem, plant: Plant) -> tuple[Memory, Array]:
-    """Arrays of the elements with states, and the size of each state."""
+def lower_memory(
+    system: SeatSystem, plant: Plant, forces: tuple[ExternalForce, ...]
+) -> tuple[Memory, Array]:
+    """Arrays of the elements with states and of the forces, and the size of each state."""
     elements = system.memory_elements
     sticking = (plant.breaks[:, IS_JUMP] == 1) & (plant.breaks[:, ON_DISPLACEMENT] == 0.0)
     if np.any(sticking):
-        names = ", ".join(element.name for element in elements)
         raise RequestError(
-            "A force that jumps with the velocity (dry friction) cannot stick beside elements "
-            f"with states of their own ({names}). Use its smooth form, or LuGreFriction."
+            f"{REASON} do not know yet how to let a force that jumps with the velocity (dry "
+            "friction) stick. Use its smooth form, or LuGreFriction."
         )
     laws = [element.lower() for element in elements]
     n = plant.linear.shape[0]
@@ -190,7 +218,8 @@ def lower_memory(system: SeatSystem, plant: Plant) -> tuple[Memory, Array]:
     def index(node: str) -> int:
         return -1 if node == BASE else system.linear.index(node)
 
-    nodes = np.array([[index(node) for node in element.between] for element in elements])
+    pairs = [[index(node) for node in element.between] for element in elements]
+    nodes = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     incidence = np.zeros((n, len(elements)))
     for column, (first, second) in enumerate(nodes):
         if first >= 0:
@@ -208,17 +237,30 @@ def lower_memory(system: SeatSystem, plant: Plant) -> tuple[Memory, Array]:
     edges = _edges(plant)
     for law, pair in zip(laws, nodes, strict=True):
         edges += [(*pair, b.displacement, b.velocity, b.value) for b in law.breaks]
+    pushed = [system.linear.index(force.node) for force in forces]
     memory = Memory(
-        nodes=nodes.astype(np.int64).reshape(-1, 2),
+        nodes=nodes,
         laws=np.column_stack([np.array([*rows, (0, 0)], dtype=np.int64), begins]),
         parameters=np.array([*(p for law in laws for p in law.parameters), 0.0]),
         pull=np.ascontiguousarray(inverse @ incidence),
         edges=np.array(edges, dtype=float).reshape(-1, 5),
-        push=np.zeros((n, 0)),
-        waves=np.zeros((0, 11)),
-        sines=np.zeros((0, 4)),
+        push=np.ascontiguousarray(inverse[:, pushed]),
+        pushed=np.array(pushed, dtype=np.int64),
+        waves=_with_number([_segments(force.history) for force in forces], 11),
+        sines=_with_number([force.history.sines for force in forces], 4),
     )
     return memory, np.array([size for law in laws for size in law.scale])
+
+
+def _segments(motion: Motion) -> Array:
+    """Start, polynomial and sine of every segment."""
+    return np.column_stack([motion.starts, motion.polynomials, motion.segment_sines])
+
+
+def _with_number(tables: list[Array], columns: int) -> Array:
+    """The rows of all tables, each with the number of its table in front."""
+    rows = [np.column_stack([np.full(len(t), i), t]) for i, t in enumerate(tables)]
+    return np.concatenate([*rows, np.zeros((0, columns))])
 
 
 def _edges(plant: Plant) -> list[tuple[float, ...]]:

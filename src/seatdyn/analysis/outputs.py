@@ -141,6 +141,8 @@ def body_force(system: SeatSystem, samples: Samples) -> Array:
     contact = system.contact
     mass = system.seat.mass if contact == SEAT else system.seat.cushion_mass
     total = mass * motion_of(system, samples, contact, 2)
+    if samples.outside is not None:
+        total = total - samples.outside[:, system.linear.index(contact)]
     forces = element_forces(system, samples)
     for force, element in zip(forces.values(), system.all_elements, strict=True):
         if element.between[1] == contact:

@@ -93,7 +93,7 @@ class Samples(NamedTuple):
     force: Array  # (p, e) of the non-linear elements, in the order of the channels
     elastic: Array  # (p, e) of the same at zero velocity
     states: Array | None = None  # (p, q) of the elements that have some; their forces come last
-    outside: Array | None = None  # (p, l) forces on nodes
+    outside: Array | None = None  # (p, N) forces from outside on the free nodes
     past: tuple[Samples, ...] = ()  # one delay earlier, for each delay of the system
 
 
@@ -131,7 +131,8 @@ class Run:
         """The solution at these times (s), inside the run."""
         starts = self.record[:, 0]
         index = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, self.steps - 1)
-        return self.sample(index, (time - starts[index]) / (starts[index + 1] - starts[index]))
+        shares = (time - starts[index]) / (starts[index + 1] - starts[index])
+        return self.sample(index, shares)._replace(time=time)  # not a rounding beside them
 
     def in_steps(self, shares: Array, first: int = 0, last: int | None = None) -> Samples:
         """The solution at the same shares (0..1) of every step (or a range), ends one-sided."""

@@ -6,6 +6,7 @@ import json
 import reprlib
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import seatdyn
 from seatdyn.analysis.energy import energy_balance
-from seatdyn.analysis.hysteretic import problem_for
+from seatdyn.analysis.hysteretic import HystereticProblem, problem_for
 from seatdyn.analysis.outputs import (
     across,
     body_force,
@@ -111,6 +112,7 @@ def simulate(
             "base_work_J": balance.base_work,
             "dissipated_J": balance.dissipated,
             "feedback_work_J": balance.feedback_work,
+            "force_work_J": balance.force_work,
         }
     return data
 
@@ -251,7 +253,7 @@ def balance(problem: Problem, held: int = -1, place: float = 0.0) -> Array | Non
     """
     from scipy.optimize import root
 
-    linear, plant = problem.system.linear.undelayed, problem.plant
+    linear, plant = replace(problem.system.linear.undelayed, relaxing=()), problem.plant
     n, m = linear.size, plant.gain.shape[0]
     x0 = float(problem.motion.evaluate(0.0))
     between = [(plant.channels[j, FIRST], plant.channels[j, SECOND]) for j in range(m)]
@@ -261,13 +263,15 @@ def balance(problem: Problem, held: int = -1, place: float = 0.0) -> Array | Non
         return float(second - first)
 
     def pulls(state: Array) -> Array:
-        """Forces of the channels on the nodes, (m, N)."""
+        """Forces of the channels on the nodes, and of what else holds them, (m + ..., N)."""
         result = np.zeros((m, n))
         for j in range(m):
             pull = state[n] if j == held else pull_at_rest(problem, j, across(state, j))
             for node, sign in zip(between[j], (-1.0, 1.0), strict=True):
                 if node >= 0:
                     result[j, node] = sign * pull
+        if isinstance(problem, HystereticProblem):
+            result = np.vstack([result, problem.rest_pulls(state[:n], x0)])
         return result
 
     def unbalanced(state: Array) -> Array:

@@ -45,6 +45,7 @@ class Memory(NamedTuple):
     pull: np.ndarray  # (N, e) acceleration lost per unit force of an element
     edges: np.ndarray  # (b, 5) first, second node, p, q, value
     push: np.ndarray  # (N, l) acceleration per unit outside force
+    pushed: np.ndarray  # (l,) int: the node that each acts on
     waves: np.ndarray  # (k, 11) force, start, polynomial (6), sine: amplitude, omega, phase
     sines: np.ndarray  # (n, 4) force, amplitude, omega, phase
 
