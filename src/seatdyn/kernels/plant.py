@@ -120,6 +120,17 @@ def on_side(plant, j, d, v, side):
 
 
 @inlined
+def sum_of_laws(plant, j, d, v):
+    """Sum of the forces of the elements of channel j."""
+    total = 0.0
+    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+        total += call_law(
+            plant.elements[e, ADDRESS], d, v, plant.parameters, plant.elements[e, OFFSET]
+        )
+    return total
+
+
+@inlined
 def channel_force(plant, j, d, v, side):
     """Force of channel j on the side of its breaks that the run is on.
 
@@ -145,10 +156,7 @@ def channel_force(plant, j, d, v, side):
         x, w = d + i * d_out, v + i * v_out
         if beyond >= 0:
             x, w = on_side(plant, j, x, w, side)
-        for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-            total += sign * call_law(
-                plant.elements[e, ADDRESS], x, w, plant.parameters, plant.elements[e, OFFSET]
-            )
+        total += sign * sum_of_laws(plant, j, x, w)
         sign = 2.0
     return total
 
@@ -206,11 +214,10 @@ def is_holding(held):
 
 
 @inner
-def accelerations(plant, base, y, side, held, acceleration, force):
-    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'].
+def free_accelerations(plant, base, y, side, acceleration, force):
+    """Fill the accelerations (N,) and channel forces (m,) at state y = [z, z'], nothing held.
 
     base : base displacement, velocity, acceleration
-    held : channels at a jump that are kept where they are
     """
     n, m = acceleration.size, force.size
     linear = plant.linear
@@ -220,10 +227,19 @@ def accelerations(plant, base, y, side, held, acceleration, force):
             total += linear[i, k] * y[k]
         acceleration[i] = total
     for j in range(m):
-        if held[j] < 0:
-            d, v = relative(plant, j, y, base[0], base[1])
-            force[j] = channel_force(plant, j, d, v, side)
-            for i in range(n):
-                acceleration[i] -= plant.pull[i, j] * force[j]
+        d, v = relative(plant, j, y, base[0], base[1])
+        force[j] = channel_force(plant, j, d, v, side)
+        for i in range(n):
+            acceleration[i] -= plant.pull[i, j] * force[j]
+
+
+@inner
+def accelerations(plant, base, y, side, held, acceleration, force):
+    """The same with the channels that are held at a jump kept where they are."""
+    free_accelerations(plant, base, y, side, acceleration, force)
     if is_holding(held):
+        for j in range(force.size):
+            if held[j] >= 0:
+                for i in range(acceleration.size):
+                    acceleration[i] += plant.pull[i, j] * force[j]
         hold(plant, held, base[2], acceleration, force)
