@@ -338,6 +338,8 @@ def test_intervals_cover_exact_values_as_often_as_they_say(name):
     with ThreadPoolExecutor(2) as pool:
         found = np.array(list(pool.map(mean_squares, range(1000))))  # (seeds, members)
     _, low, high = rms_intervals(found.T, 0.95)
+    # noise that is not quite white, and the step, leave a bias; it has to vanish in the intervals
     bias = np.sqrt(found.mean()) / exact - 1
-    assert abs(bias) < 3e-3  # of the noise that is not quite white, and of the step
+    standard_error = np.median(high / low - 1) / 4
+    assert abs(bias) < 0.2 * standard_error
     assert 930 <= np.count_nonzero((low <= exact) & (exact <= high)) <= 970
