@@ -23,7 +23,7 @@ from seatdyn.app.cli import app
 SEATDYN = (sys.executable, "-m", "seatdyn")
 COMMANDS = (
     *("bodies", "poles", "zeros", "frf", "stability", "critical", "delay-margin"),
-    *("steady", "simulate", "assess", "weighting", "reproduce"),
+    *("steady", "simulate", "random", "seat-test", "assess", "weighting", "reproduce"),
 )
 LEVEL = ("--frequency", "1.55", "--amplitude", "0.8857")
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import seatdyn
-from seatdyn.analysis.seat_test import end_stops, measuring_point
+from seatdyn.analysis.seat_test import clearances, end_stops, measuring_point
 from seatdyn.analysis.steady import steady_state
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.body import SEAT, SeatedBody
@@ -86,7 +86,7 @@ def damping_test(
                 "travel is needed: the suspension has no end stops to measure it between. Give it "
                 "in m, such as damping_test(seat, travel=0.1)."
             )
-        travel = min(stop.bump for stop in stops) + min(stop.rebound for stop in stops)
+        travel = float(clearances(stops).sum())
     travel = number(travel, "travel", "m", above=0.0, maximum=1.0, error=RequestError)
     if expected is None:
         stiffness, _ = suspension_total(system, 0, "tangent")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.march import make_march
+from seatdyn.analysis.run import interruptible
 from seatdyn.errors import RequestError
 from seatdyn.kernels.ensemble import March, march_block
 from seatdyn.kernels.jit import CompileNotice
@@ -122,7 +123,7 @@ class Ensemble:
                 f"{MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
             )
         series = np.empty((LANES, columns.size, count))
-        with CompileNotice():
+        with CompileNotice(), interruptible():
             _, statistics = march_block(self.march, x, v, a, settle, self.every, y, columns, series)
         statistics[:, :3] /= count
         return Block(statistics, series)

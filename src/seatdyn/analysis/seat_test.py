@@ -9,10 +9,13 @@ certificate.
 
 from __future__ import annotations
 
+import json
 import math
 import reprlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,7 +41,13 @@ from seatdyn.signals.estimators import rms_between, transfer_function
 from seatdyn.signals.inputs import SeatTestInput, seat_test_input
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Synthesis
-from seatdyn.standards.acceptance import HEAVY_PERSON, LIGHT_PERSON, RUN_AGREEMENT, RUNS
+from seatdyn.standards.acceptance import (
+    HEAVY_PERSON,
+    LIGHT_PERSON,
+    RUN_AGREEMENT,
+    RUNS,
+    acceptance_limits,
+)
 from seatdyn.standards.inputs import LOWEST
 from seatdyn.standards.metrics import rms, vdv
 from seatdyn.standards.source import Constant, Grade
@@ -61,6 +70,7 @@ RESOLUTION = 0.1  # Hz of the transmissibility
 SHORTEST = 40.0  # s of a run: four segments of the transmissibility
 MOST_RUNS = 1024
 DEFAULT_BODY = "fairley1989"
+ASSUMED_SCALING = "all masses, links and gains in one ratio, poles unchanged; assumed by seatdyn"
 THREADS = 2
 UNBOUNDED = 1e6  # m, m/s or m/s2: the motion has no bound
 SHAKEN, COASTING, COAST_RATE = 20.0, 80.0, 100.0  # s, s and Hz of the search for self-excitation
@@ -89,6 +99,7 @@ def seat_test(
     seed: int = 1,
     confidence: float = 0.95,
     step_tolerance: float = 1e-3,
+    limits: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Simulated input vibration test of a seat with a light and a heavy occupant.
@@ -106,6 +117,7 @@ def seat_test(
     seed : of all runs
     confidence : of the intervals, 0.5 .. 0.9999
     step_tolerance : largest relative error that the time step makes of any r.m.s. value
+    limits : file of acceptance limits (`acceptance_limits`); by default the unverified ones
     progress : called with the share done
 
     Returns
@@ -116,10 +128,10 @@ def seat_test(
         (mean number in a run), impact_speed (largest, m/s), buffer_force (largest, N);
         transmissibility (H1, complex) and coherence over frequency; member_status, and NaN for an
         occupant that has no valid result, such as one that drives the seat ("self_excited"). By
-        occupant and run:
-        run_seat_rms, run_seat_vdv, platform_rms (m/s2, band of the class), weighted_platform,
-        weighted_seat, corrected_seat (m/s2). Attributes: status, point (where SEAT was taken),
-        step_error, seed, ...
+        occupant and run: run_seat_rms, run_seat_vdv, platform_rms (m/s2, band of the class),
+        weighted_platform, weighted_seat, corrected_seat (m/s2). By side: clearance (free travel to
+        the stops, m). Attributes: status, point (where SEAT was taken), step_error, seed, limits
+        (JSON), ...
 
     Raises
     ------
@@ -153,6 +165,7 @@ def seat_test(
     confidence = number(
         confidence, "confidence", "", minimum=0.5, maximum=0.9999, error=RequestError
     )
+    limit = acceptance_limits(limits).get(spectrum.name)
     people = dict(occupants) if occupants is not None else default_occupants()
     if not people:
         raise RequestError("occupants = {} is not allowed; give at least one sitting mass in kg.")
@@ -181,8 +194,11 @@ def seat_test(
         "confidence": confidence,
         "step_error": plan.error if plan else math.nan,
         "settle_s": plan.settle * plan.synthesis.step if plan else math.nan,
+        "limits": json.dumps(asdict(limit) if limit else None),
     }
     data = _joined(results, seat, model, spectrum, **request)
+    free = clearances(end_stops(systems[next(iter(systems))]))
+    data["clearance"] = (("side",), free, {"units": "m"})
     data.coords["sitting_mass"] = (("occupant",), list(people.values()), {"units": "kg"})
     moving = [name for name, status in states.items() if status is Status.SELF_EXCITED]
     if moving:
@@ -393,6 +409,13 @@ class _Record:
         return xr.Dataset(variables, coords=coords, attrs=attrs)
 
 
+def clearances(stops: Sequence[Stop]) -> Array:
+    """Free travel in bump and rebound, m, (2,); NaN without stops."""
+    if not stops:
+        return np.full(2, math.nan)
+    return np.array([min(stop.bump for stop in stops), min(stop.rebound for stop in stops)])
+
+
 def impacts(travel: Array, speed: Array, stops: Sequence[Stop]) -> dict[str, Array]:
     """Contacts with the stops of a run, by side (bump, rebound), (2,).
 
@@ -411,7 +434,7 @@ def impacts(travel: Array, speed: Array, stops: Sequence[Stop]) -> dict[str, Arr
     """
     if not stops:
         return {name: np.zeros(2) for name in ("count", "speed", "force")}
-    clearance = [min(stop.bump for stop in stops), min(stop.rebound for stop in stops)]
+    clearance = clearances(stops)
     free = {"bump_clearance": clearance[0], "rebound_clearance": clearance[1]}
     hits = contacts(travel, **free)
     speeds = contact_speeds(travel, speed, **free)
@@ -460,8 +483,10 @@ def _joined(
         "weighting": WEIGHTING,
         "point": measuring_point(SeatSystem(body, seat)),
         "seat": repr(seat),
+        "seat_title": seat.title,
+        "seat_source": seat.source,
         "body": body.name,
-        "scaling": body.scaling,
+        "scaling": body.scaling or ASSUMED_SCALING,
         "seatdyn_version": seatdyn.__version__,
         **request,
     }

@@ -14,10 +14,11 @@ import typer
 from typer.core import TyperGroup
 
 import seatdyn
-from seatdyn.app import linear, response, standards
+from seatdyn.app import linear, random, response, standards
 from seatdyn.app.bodies import bodies
 from seatdyn.app.options import option, spread
-from seatdyn.app.show import Messages, progress_bar, say, write_line, write_table
+from seatdyn.app.seat_test import seat_test
+from seatdyn.app.show import Interrupted, Messages, progress_bar, say, write_line, write_table
 from seatdyn.errors import SeatdynError, SeatdynWarning
 
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 1
@@ -45,6 +46,9 @@ class Commands(TyperGroup):
                 sys.exit(BROKEN_PIPE)
             say(f"error: {error}")
             code = BAD_INPUT
+        except Interrupted as stop:
+            say(f"interrupted; {stop}")
+            sys.exit(INTERRUPTED)
         except (KeyboardInterrupt, typer.Abort):
             code = INTERRUPTED
         except SystemError as error:
@@ -160,6 +164,8 @@ EXAMPLES: dict[Callable[..., None], str] = {
     linear.delay_margin: "delay-margin --delayed suspension --json",
     response.steady: "steady --frequency 1.55 --amplitude 0.8857 --quadratic 100",
     response.simulate: "simulate --frequency 2 --rms 0.5 --duration 10 --out run.nc",
+    random.random: "random --input EM3 --duration 60 --realisations 32 --seed 1 --coulomb 50",
+    seat_test: "seat-test --seat illustrative_suspension --class EM3 --report test.html",
     standards.assess: "assess ride.csv --axis z --column seat --floor-column floor --json",
     standards.weighting: "weighting Wk 1 4 16",
     reproduce: "reproduce --out reproduction",

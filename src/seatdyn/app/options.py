@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from seatdyn.model.body import SeatedBody
     from seatdyn.model.elements import Element
     from seatdyn.model.excitation import Sine
+    from seatdyn.model.seat import Seat
     from seatdyn.model.system import SeatSystem
 
 BODY = "ksiazek1997_back_off"
@@ -29,6 +30,12 @@ COULOMB_SLOPE = 1000.0  # s/m, formula (5) of the paper
 FREE_TRAVEL = (-0.02, 0.01)  # m, formula (3) of the paper
 MOST_POINTS = 1_000_000  # of one axis
 FEEDBACK = "feedback"  # what may be delayed of a body alone
+
+# fields of ModelOptions that describe the paper's kind of seat
+OF_SEAT = (
+    *("seat_mass", "stiffness", "damping", "quadratic", "coulomb", "coulomb_slope", "end_stop"),
+    "free_travel",
+)
 
 Range = tuple[str, str, str]  # START STOP N; read by `points`, whose messages name the value
 Number = float | None
@@ -89,6 +96,15 @@ class ModelOptions:
     body: Annotated[
         str, option("--body", "Name of a body (see `bodies`), or path of a .toml.", default=True)
     ] = BODY
+    seat: Annotated[
+        str | None,
+        option(
+            "--seat",
+            "Name of a seat, or path of a .toml, instead of the options below.",
+            default="the paper's",
+            metavar="NAME|FILE",
+        ),
+    ] = None
     seat_mass: Annotated[
         Number, number_option("--seat-mass", "Mass of the seat, kg.", default=f"{SEAT_MASS:g}")
     ] = None
@@ -149,10 +165,20 @@ class ModelOptions:
 
     def system(self) -> SeatSystem:
         """Return body, seat and suspension."""
-        from seatdyn.model.elements import CoulombFriction, Damper, QuadraticDamper, Spring
-        from seatdyn.model.seat import Seat
         from seatdyn.model.system import SeatSystem
 
+        system = SeatSystem(self.load_body(), self.load_seat())
+        if self.delay is None or self.delayed == FEEDBACK:
+            return system
+        return system.delayed(self.delay, self.delayed or "suspension")
+
+    def load_seat(self) -> Seat:
+        """Return seat and suspension."""
+        from seatdyn.model.elements import CoulombFriction, Damper, QuadraticDamper, Spring
+        from seatdyn.model.seat import Seat
+
+        if self.seat is not None:
+            return self._seat_of_file(self.seat)
         suspension: list[Element] = [
             Spring(_given(self.stiffness, STIFFNESS)),
             Damper(_given(self.damping, DAMPING)),
@@ -168,11 +194,18 @@ class ModelOptions:
             suspension.append(self._end_stop(self.end_stop))
         elif self.free_travel is not None:
             raise ModelError("--free-travel has no effect without --end-stop; give both.")
-        seat = Seat(_given(self.seat_mass, SEAT_MASS), tuple(suspension))
-        system = SeatSystem(self.load_body(), seat)
-        if self.delay is None or self.delayed == FEEDBACK:
-            return system
-        return system.delayed(self.delay, self.delayed or "suspension")
+        return Seat(_given(self.seat_mass, SEAT_MASS), tuple(suspension))
+
+    def _seat_of_file(self, name: str) -> Seat:
+        from seatdyn.model.seat_file import load_seat
+
+        for field in OF_SEAT:
+            if getattr(self, field) is not None:
+                raise ModelError(
+                    f"--{field.replace('_', '-')} describes a seat, and --seat {name} another one; "
+                    "drop one of them, or put the number into the seat file."
+                )
+        return load_seat(name)
 
     def delayable(self) -> SeatSystem:
         """Return the system for a request over the delay itself, which is then not given."""

@@ -22,6 +22,10 @@ NO_RESULT = 3
 LARGEST_TABLE = 24  # rows for people; --json has them all
 
 
+class Interrupted(Exception):
+    """Ctrl-C after a part of the work was kept; the text says where it is."""
+
+
 def say(message: str) -> None:
     """Print one message on standard error."""
     print(message, file=sys.stderr, flush=True)
@@ -136,6 +140,14 @@ def plot_target(path: Path | None) -> None:
         from seatdyn.output.files import writable
 
         writable(path, SUFFIXES)
+
+
+def report_target(path: Path | None) -> None:
+    """The same for a report."""
+    if path is not None:
+        from seatdyn.output.files import writable
+
+        writable(path, (".html",))
 
 
 def draw(data: xr.Dataset, path: Path | None) -> None:

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatdyn.app.options import OutputOptions, Plot, number_option, option, parsed
-from seatdyn.app.show import draw, plot_target, say, write_json, write_line, write_table
+from seatdyn.app.show import (
+    draw,
+    plot_target,
+    report_target,
+    say,
+    write_json,
+    write_line,
+    write_table,
+)
 from seatdyn.errors import RequestError, Status
 
 if TYPE_CHECKING:
@@ -86,12 +94,10 @@ def assess(
 ) -> None:
     """Weighted r.m.s., VDV, MTVV, crest factor, A(8) of a record; with a floor channel SEAT."""
     from seatdyn.analysis.assess import assess as compute
-    from seatdyn.output.files import writable
     from seatdyn.signals.files import read_measurement
 
     plot_target(plot)
-    if report is not None:
-        writable(report, (".html",))
+    report_target(report)
     if floor_file is not None and floor_column is None:
         raise RequestError("--floor-file needs --floor-column: the channel of the floor in it.")
     options: dict[str, Any] = {

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatdyn.output.files import writable, write_whole
-from seatdyn.output.report import render_report
+from seatdyn.output.report import figure_png, write_page
 from seatdyn.standards.exposure import (
     ACTION_VALUES,
     COMFORT_SOURCE,
@@ -183,9 +181,6 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
     """
     from seatdyn.output.figures import plot
 
-    target = writable(path, (".html",))
-    picture = io.BytesIO()
-    plot(data).savefig(picture, format="png")
     axes = [str(axis) for axis in data.axis.values]
     rows = [
         (label, [f"{float(data[name].sel(axis=axis)):.4g}" for axis in axes], unit)
@@ -219,10 +214,9 @@ def write_assessment(data: xr.Dataset, path: str | Path) -> Path:
             for axis in axes
         ],
         "constants": _constants(axes, json.loads(data.attrs["weightings"])),
-        "picture": picture.getvalue(),
+        "picture": figure_png(plot(data)),
     }
-    write_whole(target, render_report("assessment.html", context).encode("utf-8"))
-    return target
+    return write_page("assessment.html", context, path)
 
 
 def _daily(time: float) -> str:

@@ -12,6 +12,8 @@ from seatdyn.errors import OutputError
 from seatdyn.output.assessment import draw_assessment, draw_comparison
 from seatdyn.output.bodies import draw_bodies
 from seatdyn.output.files import require_dataset, writable, write_whole
+from seatdyn.output.random import draw_random
+from seatdyn.output.seat_test import draw_damping_test, draw_seat_test
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +40,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     Parameters
     ----------
     dataset : result of `simulate`, `steady_state`, `frequency_response`, `stability_map`, `poles`,
-        `zeros`, `compare_bodies`, `assess` or `compare_bands`, computed or loaded
+        `zeros`, `compare_bodies`, `assess`, `compare_bands`, `random_response`, `seat_test` or
+        `damping_test`, computed or loaded
     path : also write the picture there, ``.png`` (1200 px wide), ``.svg`` or ``.pdf``
     title : over the picture
 
@@ -65,7 +68,13 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     require_dataset(dataset)
     names = set(dataset.variables)
     figure = Figure(figsize=(WIDTH, 7.0), dpi=DPI, layout="constrained")
-    if "weighted_rms" in names:
+    if "seat_rms_low" in names:
+        draw_seat_test(figure, dataset)
+    elif "inert_mass_kg" in dataset.attrs:
+        draw_damping_test(figure, dataset)
+    elif "member_rms" in names:
+        draw_random(figure, dataset)
+    elif "weighted_rms" in names:
         draw_assessment(figure, dataset)
     elif "band_difference" in names:
         draw_comparison(figure, dataset)
@@ -88,7 +97,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         raise OutputError(
             f"This Dataset cannot be drawn: {why} (variables {sorted(map(str, names))}). Give a "
             "valid result of simulate, steady_state, frequency_response, stability_map, poles, "
-            "zeros, compare_bodies, assess or compare_bands."
+            "zeros, compare_bodies, assess, compare_bands, random_response, seat_test or "
+            "damping_test."
         )
     if title:
         figure.suptitle(title)

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import base64
+import io
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatdyn.output.files import writable, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def data_uri(png: bytes) -> str:
     """PNG as an address that holds the picture itself."""
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def figure_png(figure: Figure) -> bytes:
+    """Picture of a figure."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png")
+    return picture.getvalue()
+
+
+def write_page(template: str, context: Mapping[str, Any], path: str | Path) -> Path:
+    """Fill a template and write it as one file that ends in ``.html``."""
+    target = writable(path, (".html",))
+    write_whole(target, render_report(template, context).encode("utf-8"))
+    return target
 
 
 def render_report(template: str, context: Mapping[str, Any]) -> str:

@@ -12,7 +12,8 @@ import math
 import reprlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,6 +77,10 @@ class Spectrum(ABC):
         np.add.at(result, place, pieces)
         return result
 
+    def at_level(self, rms: float) -> Spectrum:
+        """The same density times a constant, so that the r.m.s. acceleration is `rms` m/s2."""
+        return Scaled(self, rms)
+
     def _rms(self, power: int, low: float | None, high: float | None) -> float:
         begin = self.low if low is None else low
         end = self.high if high is None else high
@@ -93,6 +98,67 @@ class Spectrum(ABC):
     def displacement_rms(self, low: float | None = None, high: float | None = None) -> float:
         """R.m.s. displacement in m."""
         return self._rms(-4, low, high)
+
+
+@dataclass(frozen=True)
+class Scaled(Spectrum):
+    """A spectrum raised or lowered to another level; made by `Spectrum.at_level`.
+
+    Parameters
+    ----------
+    spectrum : whose form is kept
+    rms : acceleration in the whole band, m/s2, > 0
+
+    Examples
+    --------
+    >>> import seatdyn as sd
+    >>> half = sd.seat_test_input("EM3").at_level(0.9)
+    >>> round(half.acceleration_rms(), 6)
+    0.9
+    """
+
+    spectrum: Spectrum
+    rms: float
+
+    def __post_init__(self) -> None:
+        """Check the level."""
+        level = number(self.rms, "level", "m/s2", above=0.0, error=ExcitationError)
+        object.__setattr__(self, "rms", level)
+
+    @property
+    def low(self) -> float:  # type: ignore[override]
+        """Low end of the band in Hz."""
+        return self.spectrum.low
+
+    @property
+    def high(self) -> float:  # type: ignore[override]
+        """High end of the band in Hz."""
+        return self.spectrum.high
+
+    @cached_property
+    def factor(self) -> float:
+        """Of amplitudes."""
+        return self.rms / self.spectrum.acceleration_rms()
+
+    @property
+    def knots(self) -> Array:
+        """Those of the spectrum."""
+        return self.spectrum.knots
+
+    @property
+    def finest(self) -> float:
+        """That of the spectrum."""
+        return self.spectrum.finest
+
+    @property
+    def shaping(self) -> Shaping | None:
+        """That of the spectrum with another gain."""
+        plain = self.spectrum.shaping
+        return None if plain is None else replace(plain, gain=self.factor * plain.gain)
+
+    def inside(self, frequency: Array) -> Array:
+        """Density in the band."""
+        return np.asarray(self.factor**2 * self.spectrum.inside(frequency))
 
 
 @dataclass(frozen=True)

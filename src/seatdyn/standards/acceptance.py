@@ -53,6 +53,23 @@ class AcceptanceLimit:
     grade: str
 
 
+def verdict(limit: float, low: float, high: float) -> str:
+    """Whether a value is below a limit, as far as its interval tells.
+
+    Returns
+    -------
+    str
+        "below" (or at it), "above", or "undecided": the limit lies inside the interval, or there
+        is no value.
+
+    Examples
+    --------
+    >>> verdict(1.0, 0.90, 0.95), verdict(1.0, 0.98, 1.03)
+    ('below', 'undecided')
+    """
+    return "below" if high <= limit else "above" if low > limit else "undecided"
+
+
 def acceptance_limits(path: str | Path | None = None) -> dict[str, AcceptanceLimit]:
     """Limits of acceptance by input class.
 
