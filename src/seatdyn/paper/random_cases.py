@@ -40,7 +40,7 @@ from seatdyn.signals.synthesis import Synthesis
 BANDWIDTH = 0.015  # Hz, half-power; Table 9 fits 0.01 to 0.03 at the stated r.m.s.
 CUTS = (0.5, 4.65)  # Hz; the resonant band has 1e-4 of its mean square outside
 CONFIDENCE = 0.95
-NARROW = 0.004  # half width of the interval of every ratio at which no more realisations are run
+NARROW = 0.005  # half width of every interval, over its ratio, at which no more are run
 STEP_TOLERANCE = 5e-4  # error of an r.m.s. value
 SEED = 1
 REVERSED = {10.0: 40.0, 20.0: 20.0, 40.0: 10.0}  # beta2 in print: what its column belongs to
@@ -96,7 +96,7 @@ AS_READ = RandomReading(
     "and 0.6 m/s added to the velocity in (5)",
     centre=(1.54, 1.57),
     duration=30.0,
-    realisations=256,
+    realisations=512,
     from_rest=True,
     literal=False,
     offset=0.6,
@@ -161,8 +161,8 @@ def members(case: RandomCase) -> Members:
         block = ensemble.run(len(squares) // LANES)
         squares = np.concatenate([squares, block.moments[columns, 1].T])
         if case.parameter:
-            _, low, high = _ratio(case, squares)
-            if np.max(high - low) <= 2 * NARROW:
+            ratio, low, high = _ratio(case, squares)
+            if np.max((high - low) / ratio) <= 2 * NARROW:
                 break
     return Members(squares, error)
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from seatdyn.paper.claims_text import Claim
-from seatdyn.paper.random_cases import AS_READ, CONSISTENT, REVERSED
-from seatdyn.paper.random_tables import RANDOM_GROUPS, PrintedRatios, printed_ratios
+from seatdyn.paper.random_cases import AS_READ, CONSISTENT, REVERSED, RandomCase, members
+from seatdyn.paper.random_tables import PrintedRatios, printed_ratios
 from seatdyn.paper.tables import Array
 
 NOISE_TARGET = 0.012  # r.m.s. deviation of the quadratic ratios
 DRIFT_TARGET = 4e-4  # the same of relative displacements
-ACCELERATIONS = slice(0, 3)
+ACCELERATIONS, RELATIVE = slice(0, 3), slice(3, 6)
 
 Ratios = dict[int, dict[str, Array]]
 
@@ -137,14 +137,22 @@ def _piecewise(ratios: Ratios) -> Claim:
 
 
 def _coulomb(ratios: Ratios) -> Claim:
-    """Friction with an offset."""
-    numbers = _rms(ratios, AS_READ.name, "beta2", RANDOM_GROUPS)
+    """Friction with an offset, and what no friction can do."""
+    left = _rms(ratios, AS_READ.name, "beta2", ("acceleration", "force"))
+    table = printed_ratios(9)
+    row = table.labels.index("beta2=10, a0")  # 40 N in truth
+    inner, outer, other = table.values[row, RELATIVE]
+    size, first, second = np.sqrt(members(RandomCase(AS_READ, False)).squares.mean(0))[RELATIVE]
+    longest = float((outer * first + other * second) / size)
     return Claim(
         "coulomb_ratios",
         "With the columns reversed, a constant 0.6 m/s in the argument of (5) gives the weak "
-        "effect of friction in Table 9.",
-        f"Left, worst of the groups: {_listed(numbers, 2)}. Of Table 10 it gives ratios below 1 "
-        "where those in print lie above.",
+        "effect of friction on accelerations and forces in Table 9; in Table 10 friction would "
+        "have to add energy.",
+        f"Left: {_listed(left, 2)}. No offset gives ratios above 1, as Table 10 prints. No motion "
+        "at all gives the relative displacements of Table 9: x2 − x1 is the difference of x2 − x "
+        "and x1 − x, so with the r.m.s. values of the linear run and the ratios of these two at "
+        f"40 N and a0 its own ratio is at most {longest:.4f}; printed is {inner:.4f}.",
         "open",
-        numbers,
+        {"left": left, "x2_minus_x1_printed": float(inner), "x2_minus_x1_at_most": longest},
     )
