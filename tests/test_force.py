@@ -91,6 +91,19 @@ def test_run_with_non_linear_elements_is_that_of_an_independent_solver():
     np.testing.assert_allclose(run.displacement[0], answer.y[0], atol=1e-8)
 
 
+@pytest.mark.parametrize(("beta", "ratio"), [(0.8, 0.2), (1.2, 0.4), (2.0, 0.5)])
+def test_dry_friction_under_a_harmonic_force_is_den_hartog(beta, ratio):
+    """m x'' + k x + F sign x' = P cos w t (Den Hartog 1931): k x/P = sqrt(V^2 - (F/P)^2 U^2)."""
+    mass, frequency, peak = 20.0, 2.0, 150.0
+    k = mass * (2 * math.pi * frequency / beta) ** 2
+    dry = sd.StribeckFriction(ratio * peak, ratio * peak, 1.0, dry=True)
+    force = sd.WithForces([sd.SineForce("seat", frequency, amplitude=peak)])
+    state = sd.steady_state(oscillator(sd.Spring(k), dry, mass=mass), force)
+    v, u = 1 / (1 - beta**2), math.tan(math.pi / (2 * beta)) / beta
+    exact = peak / k * math.sqrt(v**2 - ratio**2 * u**2)
+    assert float(state.amplitude.sel(output="seat-base")) == pytest.approx(exact, rel=1e-7)
+
+
 def test_force_on_the_body_is_seen_in_what_presses_the_seat():
     """At rest under a constant force on the trunk the seat carries it."""
     system = sd.SeatSystem(sd.load_body("fairley1989"), sd.Seat(20.0, [sd.Spring(9500.0)]))

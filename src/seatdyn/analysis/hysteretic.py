@@ -33,15 +33,14 @@ from seatdyn.kernels import hysteretic, integrate
 from seatdyn.kernels.columns import (
     BREAKS,
     FIRST,
-    IS_JUMP,
     ON_DISPLACEMENT,
     ON_VELOCITY,
     SECOND,
     VALUE,
 )
-from seatdyn.kernels.hysteretic import Memory
 from seatdyn.kernels.jit import MEMORY_FORCE, MEMORY_RATE, CompileNotice, law_address
-from seatdyn.kernels.plant import Plant
+from seatdyn.kernels.memory import HELD, Memory
+from seatdyn.kernels.plant import FREE, Plant
 from seatdyn.model.excitation import Excitation, Motion
 from seatdyn.model.force import ConstantForce, ExternalForce, WithForces
 from seatdyn.model.system import BASE, SeatSystem
@@ -56,7 +55,7 @@ def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) 
     Raises
     ------
     RequestError
-        Delays, or forces that stick, beside elements with states or forces from outside.
+        Delays beside elements with states or forces from outside.
     """
     forces = excitation.forces if isinstance(excitation, WithForces) else ()
     base = excitation.base if isinstance(excitation, WithForces) else excitation
@@ -184,9 +183,11 @@ class HystereticProblem(Problem):
                     scale,
                     self.longest_step,
                     settings.max_steps - steps,
+                    settings.stick_speed,
                     settings.max_events_per_second,
                 )
-            state = State(record[-1, 1:].copy(), side, state.held)
+            held = np.where(side == HELD, 0, FREE)
+            state = State(record[-1, 1:].copy(), side, held)
             events += count
             steps += record.shape[0] - 1
             records.append(record)
@@ -205,12 +206,6 @@ def lower_memory(
 ) -> tuple[Memory, Array]:
     """Arrays of the elements with states and of the forces, and the size of each state."""
     elements = system.memory_elements
-    sticking = (plant.breaks[:, IS_JUMP] == 1) & (plant.breaks[:, ON_DISPLACEMENT] == 0.0)
-    if np.any(sticking):
-        raise RequestError(
-            f"{REASON} do not know yet how to let a force that jumps with the velocity (dry "
-            "friction) stick. Use its smooth form, or LuGreFriction."
-        )
     laws = [element.lower() for element in elements]
     n = plant.linear.shape[0]
     inverse = np.linalg.inv(system.linear.mass)

@@ -1,24 +1,46 @@
 """A run of a system whose elements have states of their own, or on which outside forces act.
 
-Dormand-Prince 5(4) steps carry the motion and the states together. Steps end where a law breaks, at
-segments of the input and of the forces, and at the end of the run. The solution inside a step is
-one shorter step from its start, so that nothing but the states at the ends is kept.
+Dormand-Prince 5(4) steps carry the motion and the states together. Steps end where a law breaks,
+at segments of the input and of the forces, and at the end of the run; where a force jumps the state
+may rest on the jump. The solution inside a step is one shorter step from its start, so that nothing
+but the states at the ends is kept.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
+from seatdyn.kernels.columns import (
+    ADDRESS,
+    BREAKS,
+    ELEMENTS,
+    IS_JUMP,
+    OFFSET,
+    ON_DISPLACEMENT,
+)
+from seatdyn.kernels.events import one_sided_forces
+from seatdyn.kernels.holding import held_element_forces
 from seatdyn.kernels.jit import allocating, inner, kernel
-from seatdyn.kernels.plant import base_motion, free_accelerations, on_side, relative, segment_at
+from seatdyn.kernels.memory import (
+    FORCE,
+    HELD,
+    PARAMETERS,
+    STATES,
+    Space,
+    across,
+    call_memory_force,
+    find_segments,
+    outside_force,
+    rates,
+)
+from seatdyn.kernels.plant import (
+    FREE,
+    base_motion,
+    on_side,
+    relative,
+    segment_at,
+)
 from seatdyn.kernels.runge_kutta import A, C, E
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)  # as in `integrate`
@@ -26,151 +48,10 @@ LARGEST = 1e9  # m, m/s: no seat moves that far
 FIRST_STEP = 1e-4  # s
 SHORTEST = 4e-16  # of the time: rounding
 ON_BREAK = 1e-12  # of the motion: being on a break
+HOLDING_TOLERANCE = 1e-10  # N: a holding force this near to the end of its jump lets go
 PROBES = 12  # points of a step at which a crossing is looked for
 REFINEMENTS = 60
 FIRST, SECOND, ON_D, ON_V, VALUE = range(5)  # columns of `edges`
-FORCE, RATE, PARAMETERS, STATES = range(4)  # columns of `laws`
-
-
-class Memory(NamedTuple):
-    """Elements with states, their breaks and those of the plant, and forces on nodes.
-
-    N nodes, e elements, q states, l forces. A break is a line p d + q v = value; those of the plant
-    come first, in its order.
-    """
-
-    nodes: np.ndarray  # (e, 2) int: first and second node, -1 for the base
-    laws: np.ndarray  # (e+1, 4) int: addresses of force and rate, begin of parameters and states
-    parameters: np.ndarray
-    pull: np.ndarray  # (N, e) acceleration lost per unit force of an element
-    edges: np.ndarray  # (b, 5) first, second node, p, q, value
-    push: np.ndarray  # (N, l) acceleration per unit outside force
-    pushed: np.ndarray  # (l,) int: the node that each acts on
-    waves: np.ndarray  # (k, 11) force, start, polynomial (6), sine: amplitude, omega, phase
-    sines: np.ndarray  # (n, 4) force, amplitude, omega, phase
-
-
-class Space(NamedTuple):
-    """Scratch of a run."""
-
-    motion: np.ndarray  # (2N,)
-    acceleration: np.ndarray  # (N,)
-    force: np.ndarray  # (m,) of the channels
-    k: np.ndarray  # (7, 2N+q) rates at the stages
-    active: np.ndarray  # (l,) int: the segment of each outside force
-
-
-@intrinsic
-def call_memory_force(typingctx, address, d, v, y, state, parameters, offset):
-    """Force of the C function at `address`, states from y[state], parameters from [offset]."""
-    real, whole = types.float64, types.int64
-    signature = real(whole, real, real, y, whole, parameters, whole)
-
-    def codegen(context, builder, sig, args):
-        double, pointer = ir.DoubleType(), ir.DoubleType().as_pointer()
-        law = builder.inttoptr(
-            args[0], ir.FunctionType(double, [double, double, pointer, pointer]).as_pointer()
-        )
-        states = context.make_array(sig.args[3])(context, builder, args[3]).data
-        data = context.make_array(sig.args[5])(context, builder, args[5]).data
-        return builder.call(
-            law, [args[1], args[2], builder.gep(states, [args[4]]), builder.gep(data, [args[6]])]
-        )
-
-    return signature, codegen
-
-
-@intrinsic
-def call_memory_rate(typingctx, address, d, v, w, a, y, state, parameters, offset, out):
-    """Rates of the C function at `address`, written to out[state] and what follows."""
-    real, whole = types.float64, types.int64
-    signature = types.void(whole, real, real, real, real, y, whole, parameters, whole, out)
-
-    def codegen(context, builder, sig, args):
-        double, pointer = ir.DoubleType(), ir.DoubleType().as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [double] * 4 + [pointer] * 3)
-        law = builder.inttoptr(args[0], kind.as_pointer())
-        states = context.make_array(sig.args[5])(context, builder, args[5]).data
-        data = context.make_array(sig.args[7])(context, builder, args[7]).data
-        rates = context.make_array(sig.args[9])(context, builder, args[9]).data
-        builder.call(
-            law,
-            [
-                *args[1:5],
-                builder.gep(states, [args[6]]),
-                builder.gep(data, [args[8]]),
-                builder.gep(rates, [args[6]]),
-            ],
-        )
-        return context.get_dummy_value()
-
-    return signature, codegen
-
-
-@inner
-def outside_force(memory, t, number, row):
-    """Outside force `number` at time t, N, on its segment `row`."""
-    total = 0.0
-    for i in range(memory.sines.shape[0]):
-        if memory.sines[i, 0] == number:
-            angle = memory.sines[i, 2] * t + memory.sines[i, 3]
-            total += memory.sines[i, 1] * math.sin(angle)
-    p = memory.waves
-    tau = t - p[row, 1]
-    polynomial = 0.0
-    for power in range(7, 1, -1):
-        polynomial = polynomial * tau + p[row, power]
-    return total + polynomial + p[row, 8] * math.sin(p[row, 9] * tau + p[row, 10])
-
-
-@inner
-def find_segments(memory, t, active):
-    """Segment of every outside force at time t."""
-    for row in range(memory.waves.shape[0]):
-        if memory.waves[row, 1] <= t:
-            active[int(memory.waves[row, 0])] = row
-
-
-@inner
-def across(first, second, y, n, base):
-    """Displacement, velocity across two nodes, and absolute velocity of the second."""
-    d = (y[second] if second >= 0 else base[0]) - (y[first] if first >= 0 else base[0])
-    w = y[n + second] if second >= 0 else base[1]
-    return d, w - (y[n + first] if first >= 0 else base[1]), w
-
-
-@inner
-def rates(plant, memory, t, segment, y, side, space, out):
-    """Fill the rates (2N+q,) of the state y = [z, z', states] at time t."""
-    n = space.acceleration.size
-    acceleration = space.acceleration
-    base = base_motion(plant, t, segment)
-    for i in range(2 * n):
-        space.motion[i] = y[i]
-    free_accelerations(plant, base, space.motion, side, acceleration, space.force)
-    for e in range(memory.nodes.shape[0]):
-        d, v, _ = across(memory.nodes[e, 0], memory.nodes[e, 1], y, n, base)
-        force = call_memory_force(
-            memory.laws[e, FORCE], d, v, y, 2 * n + memory.laws[e, STATES],
-            memory.parameters, memory.laws[e, PARAMETERS],
-        )  # fmt: skip
-        for i in range(n):
-            acceleration[i] -= memory.pull[i, e] * force
-    for f in range(memory.push.shape[1]):
-        force = outside_force(memory, t, f, space.active[f])
-        for i in range(n):
-            acceleration[i] += memory.push[i, f] * force
-    for i in range(n):
-        out[i] = y[n + i]
-        out[n + i] = acceleration[i]
-    for e in range(memory.nodes.shape[0]):
-        second = memory.nodes[e, 1]
-        d, v, w = across(memory.nodes[e, 0], second, y, n, base)
-        a = acceleration[second] if second >= 0 else base[2]
-        call_memory_rate(
-            memory.laws[e, RATE], d, v, w, a, y, 2 * n + memory.laws[e, STATES],
-            memory.parameters, memory.laws[e, PARAMETERS], out,
-        )  # fmt: skip
 
 
 @inner
@@ -247,6 +128,8 @@ def first_break(plant, memory, t, h, segment, y, y1, k, n, side, tolerance):
     """Break that is met first in a step and the share of the step, 2 for none."""
     best, row = 2.0, -1
     for r in range(side.size):
+        if side[r] == HELD:
+            continue
         g0, s0 = distance(plant, memory, r, t, segment, y, k[0], n, side)
         g1, s1 = distance(plant, memory, r, t + h, segment, y1, k[6], n, side)
         if g1 >= 0.0 and not s0 < 0.0 < s1:
@@ -280,28 +163,100 @@ def land(plant, memory, t, h, segment, y, side, space, y1, row, share, tolerance
 
 
 @inner
-def sides_of(plant, memory, t, segment, y, rate, n, side):
-    """Sides of the state: by value, by rate, else towards the middle."""
+def margin_of(plant, t, segment, space, side, j):
+    """How far the force that holds channel j is inside its jump, N, and the side it points to."""
+    base = base_motion(plant, t, segment)
+    below, above = one_sided_forces(plant, space.held[j], j, space.motion, base, side)
+    force = space.force[j]
+    return min(force - below, above - force), 1 if force - below > above - force else -1
+
+
+@inner
+def loosest(plant, t, segment, space, side):
+    """The held jump that is next to let go, its margin and the side it goes to; -1 for none."""
+    row, worst, way = -1, np.inf, 1
+    for j in range(space.held.size):
+        if space.held[j] >= 0:
+            inside, there = margin_of(plant, t, segment, space, side, j)
+            if inside < worst:
+                row, worst, way = space.held[j], inside, there
+    return row, worst, way
+
+
+@inner
+def rest_or_pass(plant, memory, t, segment, y, side, space, row, slow):
+    """Rest on the break just met, if it is a jump that can balance the forces; else go over it."""
+    before = side[row]
+    side[row] = -before
+    if row >= plant.breaks.shape[0] or plant.breaks[row, IS_JUMP] == 0:
+        return
+    n = space.acceleration.size
+    base = base_motion(plant, t, segment)
+    channel = 0
+    while plant.channels[channel + 1, BREAKS] <= row:
+        channel += 1
+    for i in range(2 * n):
+        space.motion[i] = y[i]
+    _, v = relative(plant, channel, space.motion, base[0], base[1])
+    on_velocity = plant.breaks[row, ON_DISPLACEMENT] == 0.0
+    if not on_velocity and abs(v) > slow:
+        return
+    below, above = one_sided_forces(plant, row, channel, space.motion, base, side)
+    if above <= below:
+        return
+    side[row] = HELD
+    rates(plant, memory, t, segment, y, side, space, space.k[0])
+    inside, _ = margin_of(plant, t, segment, space, side, channel)
+    if inside < 0.0:
+        side[row] = -before
+        return
+    for i in range(n):
+        y[n + i] -= plant.pull[i, channel] / plant.gain[channel, channel] * v
+
+
+@inner
+def land_on_release(plant, memory, t, h, segment, y, side, space, y1):
+    """Take the shorter step after which a holding force leaves its jump; returns its size."""
+    low, high, trial = 0.0, h, 0.5 * h
+    for _ in range(REFINEMENTS):
+        trial = 0.5 * (low + high)
+        step(plant, memory, t, trial, segment, y, side, space, y1)
+        _, inside, _ = loosest(plant, t + trial, segment, space, side)
+        if abs(inside) <= HOLDING_TOLERANCE or high - low <= SHORTEST * max(abs(t), 1e-3):
+            break
+        if inside > 0.0:
+            low = trial
+        else:
+            high = trial
+    return trial
+
+
+@inner
+def sides_of(plant, memory, t, segment, y, side, space):
+    """Sides of the state: by value; on a jump at rest if that balances; else by rate."""
+    n, k = space.acceleration.size, space.k
     for r in range(side.size):
-        if side[r] != 0:
-            continue
-        side[r] = 1
-        g, slope = distance(plant, memory, r, t, segment, y, rate, n, side)
-        if g == 0.0:
-            g = slope
-        if g == 0.0:
-            g = -memory.edges[r, VALUE]
-        side[r] = 1 if g > 0.0 else -1
+        if side[r] == 0:
+            side[r] = 1
+            g, _ = distance(plant, memory, r, t, segment, y, k[6], n, side)
+            side[r] = 1 if g > 0.0 or (g == 0.0 and memory.edges[r, VALUE] < 0.0) else -1
+            if g == 0.0:
+                rest_or_pass(plant, memory, t, segment, y, side, space, r, 0.0)
+                if side[r] != HELD:
+                    rates(plant, memory, t, segment, y, side, space, k[0])
+                    _, slope = distance(plant, memory, r, t, segment, y, k[0], n, side)
+                    side[r] = side[r] if slope >= 0.0 else -side[r]
 
 
 @kernel
 def integrate(
-    plant, memory, t0, t1, y0, start_side, stops, rtol, scale, h_max, max_steps, max_rate
+    plant, memory, t0, t1, y0, start_side, stops, rtol, scale, h_max, max_steps, slow, max_rate
 ):
     """Integrate from t0 to t1.
 
     scale : (2N+q,) sizes that errors are relative to; updated in place as the motion grows
     stops : times that no step may reach over
+    slow : speed in m/s below which a jump with the displacement may hold
 
     Returns status, events, sides at the end, a row of [t, state] and of sides per step, last the
     end.
@@ -310,6 +265,7 @@ def integrate(
     space = Space(
         np.empty(2 * n), np.empty(n), np.zeros(plant.gain.shape[0]), np.empty((7, size)),
         np.zeros(memory.push.shape[1], dtype=np.int64),
+        np.full(plant.gain.shape[0], FREE, dtype=np.int64),
     )  # fmt: skip
     k, y, y1, side = space.k, y0.copy(), np.empty(size), start_side.copy()
     tolerance, on_break = np.empty(size), np.empty(side.size)
@@ -330,8 +286,9 @@ def integrate(
         if fresh:
             segment = segment_at(plant, t)
             find_segments(memory, t, space.active)
-            rates(plant, memory, t, segment, y, side, space, k[0])
-            sides_of(plant, memory, t, segment, y, k[0], n, side)
+            for i in range(size):
+                k[6, i] = 0.0
+            sides_of(plant, memory, t, segment, y, side, space)
             rates(plant, memory, t, segment, y, side, space, k[0])
             fresh = False
         for i in range(size):
@@ -372,7 +329,7 @@ def integrate(
             if flips > 2 * side.size + 2:
                 status = CHATTERING
                 break
-            side[row] = -side[row]
+            rest_or_pass(plant, memory, t, segment, y, side, space, row, slow)
             rates(plant, memory, t, segment, y, side, space, k[0])
             continue
         taken = h
@@ -380,6 +337,13 @@ def integrate(
             taken = land(
                 plant, memory, t, h, segment, y, side, space, y1, row, share, on_break[row]
             )  # fmt: skip
+        let_go, inside, way = loosest(plant, t + taken, segment, space, side)
+        if let_go >= 0 and inside < 0.0:
+            taken = land_on_release(plant, memory, t, taken, segment, y, side, space, y1)
+            let_go, inside, way = loosest(plant, t + taken, segment, space, side)
+            row = -1
+        else:
+            let_go = -1
         factor = 0.9 * max(error, 1e-10) ** -0.14 * last_error**0.04
         last_error = max(error, 1e-4)
         h = max(h * min(5.0, max(0.3, factor)), wanted if h < wanted else 0.0)
@@ -395,8 +359,11 @@ def integrate(
         for i in range(size):
             y[i] = y1[i]
             k[0, i] = k[6, i]
-        if row >= 0:
-            side[row] = -side[row]
+        if row >= 0 or let_go >= 0:
+            if row >= 0:
+                rest_or_pass(plant, memory, t, segment, y, side, space, row, slow)
+            else:
+                side[let_go] = way
             events += 1
             in_window += 1
             if t - window > 1.0:
@@ -441,6 +408,7 @@ def sample(plant, memory, record, marks, index, share):
     space = Space(
         np.empty(2 * n), np.empty(n), np.zeros(plant.gain.shape[0]), np.empty((7, size)),
         np.zeros(memory.push.shape[1], dtype=np.int64),
+        np.full(plant.gain.shape[0], FREE, dtype=np.int64),
     )  # fmt: skip
     times, bases = np.empty(count), np.empty((3, count))
     z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
@@ -475,6 +443,13 @@ def sample(plant, memory, record, marks, index, share):
         for q in range(size - 2 * n):
             states[p, q] = y1[2 * n + q]
         for j in range(plant.gain.shape[0]):
+            if space.held[j] >= 0:
+                held_element_forces(
+                    plant, j, space.motion, base, side, space.held[j], space.force[j], forces[p]
+                )
+                for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+                    elastic[p, e] = forces[p, e]
+                continue
             d, speed = relative(plant, j, space.motion, base[0], base[1])
             d, speed = on_side(plant, j, d, speed, side)
             for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
