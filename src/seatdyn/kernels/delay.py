@@ -39,7 +39,6 @@ from seatdyn.kernels.integrate import (
     STEP_TOO_SMALL,
     copy,
     grow,
-    is_holding,
     save_step,
 )
 from seatdyn.kernels.jit import allocating, inlined, inner, kernel
@@ -48,6 +47,7 @@ from seatdyn.kernels.plant import (
     base_motion,
     channel_force,
     hold,
+    is_holding,
     on_side,
     relative,
     segment_at,
