@@ -72,7 +72,7 @@ def report_html(
             "linear": [_linear(key, cells) for key, cells in linear.items()],
             "claims": claims,
             "tables": [view for number in computed for view in _views(number, computed[number])],
-            "random": random_overview(summary, MARKED),
+            "random": random_overview(summary),
             "ratios": random_views(ratios, MARKED),
             "random_readings": {r.name: r.text for r in RANDOM_READINGS},
             "figures": figures,

@@ -23,7 +23,7 @@ MEANING = {
 }
 
 
-def random_overview(summary: dict[str, Any], marked: float) -> list[dict[str, Any]]:
+def random_overview(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """One line per table, reading and law: r.m.s. and worst deviation of every group."""
     lines = []
     for number in (9, 10):
@@ -38,7 +38,6 @@ def random_overview(summary: dict[str, Any], marked: float) -> list[dict[str, An
                             "rms": signed(one["rms"], 3).lstrip("+"),
                             "worst": signed(one["worst"], 2),
                             "cell": one["worst_cell"],
-                            "off": one["rms"] > marked,
                         }
                     )
                 line = {"table": number, "reading": reading.name, "law": SYMBOLS[law]}

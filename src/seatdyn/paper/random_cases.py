@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -215,3 +215,19 @@ def step_error(number: int, reading: RandomReading) -> float:
     """Largest error that the step makes of an r.m.s. value of a table."""
     rows = range(len(printed_ratios(number).rows))
     return max(members(row_case(number, i, reading)).step_error for i in rows)
+
+
+def random_provenance(numbers: Iterable[int]) -> dict[str, Any]:
+    """What the tables were computed with."""
+    return {
+        "rms_m_per_s2": STATED_RMS,
+        "bandwidth_Hz": BANDWIDTH,
+        "band_Hz": list(CUTS),
+        "seed": SEED,
+        "confidence": CONFIDENCE,
+        "most_realisations": {r.name: r.realisations for r in RANDOM_READINGS},
+        "step_error": {
+            f"table{number:02d}": {r.name: step_error(number, r) for r in RANDOM_READINGS}
+            for number in numbers
+        },
+    }

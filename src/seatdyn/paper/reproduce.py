@@ -14,7 +14,7 @@ from seatdyn.paper.deviations import DEFINITIONS, TARGETS, table_statistics
 from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.linear_tables import LinearCell, outside_rounding, table01, table02
 from seatdyn.paper.provenance import provenance
-from seatdyn.paper.random_cases import RANDOM_READINGS, compute_ratios
+from seatdyn.paper.random_cases import RANDOM_READINGS, compute_ratios, random_provenance
 from seatdyn.paper.random_claims import random_claims
 from seatdyn.paper.random_tables import RANDOM_TABLES, printed_ratios
 from seatdyn.paper.tables import TABLES, Array, printed_table
@@ -130,6 +130,7 @@ def summarise(
     for number, arrays in computed.items():
         table = printed_table(number)
         summary[table.key] = {name: table_statistics(table, a) for name, a in arrays.items()}
+    summary["provenance"]["random"] = random_provenance(ratios)
     for number, arrays in ratios.items():
         printed = printed_ratios(number)
         summary[printed.key] = {name: printed.statistics(a[0]) for name, a in arrays.items()}
