@@ -5,7 +5,8 @@ the suspension travel from 1 kHz samples of the last period. Each solver uses th
 of its list whose amplitude is right to 1e-6. SciPy has two right-hand sides: the plain one unpacks
 the state that it is given, as users write it; the tuned one first turns it into Python floats,
 which are faster. One thread, warm, medians of interleaved rounds; in each round a job is timed
-over as many calls in a row as fill a tenth of a second.
+over as many calls in a row as fill a tenth of a second. Times are processor times, which on an idle
+machine are wall times, and on a busy one leave out what others use.
 
     python benchmarks/time_response.py [--json FILE] [--repeat N]
 """
@@ -95,10 +96,10 @@ def our_travel(problem):
 
 
 def clock(function, *args):
-    """Result and wall time in s."""
-    start = time.perf_counter()
+    """Result and processor time in s."""
+    start = time.process_time()
     result = function(*args)
-    return result, time.perf_counter() - start
+    return result, time.process_time() - start
 
 
 def repeated(calls, function, *args):

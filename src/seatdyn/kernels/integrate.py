@@ -36,6 +36,7 @@ START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
 FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 600, 1 / 300  # errors that allow a doubled step
+HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
 
 
@@ -221,6 +222,7 @@ def integrate(
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level, patience = START_LEVEL, 0
     level_before = np.int64(-1)  # of the ladder step before, if its forces can be extrapolated
+    hopeless = False  # the refused step before would be refused at half its size, too
     rk_until = -np.inf  # Dormand-Prince steps up to here
     fresh = True  # accelerations at the start have to be computed
     while t < t1:
@@ -265,6 +267,7 @@ def integrate(
                 v_tolerance, work,
             )  # fmt: skip
             if not max(truncation, gap) <= 1.0:
+                hopeless = iterations == 0 or truncation > HOPELESS
                 level, patience, level_before = fit - 1, PATIENCE, -1
                 if level < 0:
                     level, rk_until = 0, t + 2 * half
@@ -303,8 +306,11 @@ def integrate(
                 patience -= 1
                 easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
                 easy = easy and iterations <= FEW_ITERATIONS and patience <= 0
-                if easy and fit == level and level + 1 < ex.LEVELS:
+                if hopeless and level > 0:
+                    level -= 1  # what stopped the longer step lies in its second half
+                elif easy and fit == level and level + 1 < ex.LEVELS:
                     level += 1
+                hopeless = False
         else:
             level_before = -1
             wanted = min(h_rk, h_max)
