@@ -108,6 +108,11 @@ def inlined(function: Callable[..., Any]) -> Any:
     return inner(function, forceinline=True)
 
 
+def spliced(function: Callable[..., Any]) -> Any:
+    """Small functions put into their callers before these are compiled: nothing of their own."""
+    return numba.njit(function, inline="always", error_model="numpy")
+
+
 @functools.cache
 def compiled_law(function: Callable[..., Any], name: str, signature: Any = LAW) -> Any:
     """Compile a force law F(d, v, p) to a C function; `address` of the result is its address."""

@@ -1,0 +1,266 @@
+"""A balanced motion looked at: nodes, forces, outputs and their extrema.
+
+Outputs are fixed linear combinations of the displacements, velocities and accelerations of the
+nodes, the forces of the elements and the motion of the base (columns in that order). Forces come
+from the laws on the motion, accelerations from the equations of motion with these forces.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from seatdyn.kernels.balance import sample_motion
+from seatdyn.kernels.breaking import beside
+from seatdyn.kernels.call import call_law
+from seatdyn.kernels.columns import (
+    ADDRESS,
+    BREAKS,
+    ELEMENTS,
+    FIRST,
+    IS_JUMP,
+    OFFSET,
+    SECOND,
+)
+from seatdyn.kernels.condensed import (
+    FORCE,
+    LINE,
+    MOST_EVENTS,
+    OVERSAMPLING,
+    PHASE,
+    PRESENT,
+    ROW,
+    number_of,
+    state_at,
+    tail_weights,
+)
+from seatdyn.kernels.fourier import samples_of
+from seatdyn.kernels.jit import inner, kernel
+
+STENCIL = 5  # samples through which an extremum is refined
+NODES, NODES_REDUCED = 0, 1  # places in Look.nodes
+# places in Look.extrema: extrema, their phases in rad, and the extrema of the level before
+HIGH, LOW, HIGH_PHASE, LOW_PHASE, HIGH_BEFORE, LOW_BEFORE = range(6)
+
+
+class Look(NamedTuple):
+    """Space to look at a motion of at most n samples and K harmonics.
+
+    rows : (o, C) outputs as combinations of the C = 3N + e + 3 columns
+    nodes : (2, K, N) complex, harmonics of the nodes, and without their sawtooths
+    weights : (E + 1, 2N) of the sawtooths
+    columns : (C + 1, n) samples of the columns; the last row is space
+    state : (C + STENCIL,) columns at one phase; the rest is space
+    extrema : (6, o), see HIGH ...
+    """
+
+    rows: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
+    columns: np.ndarray
+    state: np.ndarray
+    extrema: np.ndarray
+
+
+def make_look(rows: np.ndarray, nodes: int, samples: int) -> Look:
+    """Space for the outputs `rows` of motions of up to so many samples."""
+    outputs, columns = rows.shape
+    return Look(
+        rows,
+        np.zeros((2, samples // OVERSAMPLING, nodes), complex),
+        np.zeros((MOST_EVENTS + 1, 2 * nodes)),
+        np.zeros((columns + 1, samples)),
+        np.zeros(columns + STENCIL),
+        np.zeros((6, outputs)),
+    )
+
+
+@inner
+def node_series(problem, work, look, count):
+    """Fill harmonics of the nodes from the channel forces."""
+    n, m = problem.pull.shape
+    for k in range(count):
+        for i in range(n):
+            total = work.response[k, i, m]
+            for j in range(m):
+                total -= work.response[k, i, j] * work.series[FORCE, k, j]
+            look.nodes[NODES, k, i] = total if k > 0 else complex(total.real, 0.0)
+    tail_weights(
+        problem, work.events[PRESENT], problem.pull, problem.damped_pull, look.weights[:, 0:]
+    )
+
+
+@inner
+def look_at(problem, work, look, count, theta, row, side):
+    """Fill look.state at a phase; with row >= 0 on one side of that jump, which the phase is on."""
+    n, m = problem.pull.shape
+    state, w = look.state, problem.omega
+    first = 3 * n + problem.elements.shape[0]
+    x, v, a = 0.0, 0.0, 0.0
+    for k in range(problem.base.size):
+        z = problem.base[k] * complex(math.cos(k * theta), math.sin(k * theta))
+        x, v, a = x + z.real, v - k * w * z.imag, a - (k * w) * (k * w) * z.real
+    state[first], state[first + 1], state[first + 2] = x, v, a
+    for i in range(n):
+        state[i], state[n + i], _ = state_at(
+            problem, look.nodes[NODES_REDUCED], count, work.events[PRESENT], look.weights[:, 0:],
+            i, theta,
+        )  # fmt: skip
+    for i in range(n):
+        total = problem.linear[i, 2 * n] * x + problem.linear[i, 2 * n + 1] * v
+        for c in range(2 * n):
+            total += problem.linear[i, c] * state[c]
+        state[2 * n + i] = total
+    for j in range(m):
+        start, end = problem.channels[j, FIRST], problem.channels[j, SECOND]
+        d = (state[end] if end >= 0 else x) - (state[start] if start >= 0 else x)
+        s = (state[n + end] if end >= 0 else v) - (state[n + start] if start >= 0 else v)
+        here = problem.channels[j, BREAKS] <= row < problem.channels[j + 1, BREAKS]
+        if here and problem.breaks[row, IS_JUMP] != 0.0:
+            d, s = beside(problem, row, d, s, side)
+        total = 0.0
+        for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
+            address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
+            force = call_law(address, d, s, problem.parameters, offset)
+            state[3 * n + e] = force
+            total += force
+        for i in range(n):
+            state[2 * n + i] -= problem.pull[i, j] * total
+
+
+@inner
+def sample_columns(problem, work, look, count, samples):
+    """Fill the first `samples` samples of every column."""
+    n, m = problem.pull.shape
+    columns, line = look.columns, work.lines[LINE]
+    first = 3 * n + problem.elements.shape[0]
+    sample_motion(
+        problem, work.lines, look.nodes[NODES], count, samples, work.events[PRESENT],
+        look.weights[:, 0:], look.nodes[NODES_REDUCED], columns[:n], columns[n : 2 * n],
+    )  # fmt: skip
+    top = min(problem.base.size, count)
+    for k in range(top):
+        line[k] = problem.base[k]
+    for order in range(3):
+        samples_of(line, top, samples, work.lines, columns[first + order])
+        for k in range(top):
+            line[k] *= 1j * (k * problem.omega)
+    for i in range(n):
+        target = columns[2 * n + i]
+        for c in range(2 * n + 2):
+            factor, source = problem.linear[i, c], columns[c if c < 2 * n else first + c - 2 * n]
+            for q in range(samples):
+                target[q] = factor * source[q] + (target[q] if c > 0 else 0.0)
+    for j in range(m):
+        start, end = problem.channels[j, FIRST], problem.channels[j, SECOND]
+        d0, d1 = columns[start if start >= 0 else first], columns[end if end >= 0 else first]
+        v0 = columns[n + start if start >= 0 else first + 1]
+        v1 = columns[n + end if end >= 0 else first + 1]
+        for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
+            address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
+            force = columns[3 * n + e]
+            for q in range(samples):
+                force[q] = call_law(
+                    address, d1[q] - d0[q], v1[q] - v0[q], problem.parameters, offset
+                )
+            for i in range(n):
+                pull, target = problem.pull[i, j], columns[2 * n + i]
+                for q in range(samples):
+                    target[q] -= pull * force[q]
+
+
+@inner
+def refine(look, n, i, left, right):
+    """Maximum near sample i of the signal in the last row, by a quartic, and its place from i.
+
+    left, right : distances, in samples, to the events beside it
+    """
+    values, c = look.columns[look.columns.shape[0] - 1], look.state[look.rows.shape[1] :]
+    best, place = values[i], 0.0
+    start = -2
+    if left < 2.0:
+        start = -int(left)
+    if right < start + STENCIL - 1:
+        start = int(right) - STENCIL + 1
+    if start > 0 or start <= -STENCIL or -start > left:
+        return best, place
+    for k in range(STENCIL):
+        c[k] = values[(i + start + k) % n]
+    for order in range(1, STENCIL):
+        for k in range(STENCIL - 1, order - 1, -1):
+            c[k] = (c[k] - c[k - 1]) / order
+    low, high = max(-1.0, -left), min(1.0, right)
+    x = 0.0
+    for _ in range(8):
+        # Newton's form with its first two derivatives
+        f, df, ddf = c[STENCIL - 1], 0.0, 0.0
+        for k in range(STENCIL - 2, -1, -1):
+            t = x - start - k
+            ddf = ddf * t + 2.0 * df
+            df = df * t + f
+            f = f * t + c[k]
+        if f > best:
+            best, place = f, x
+        if ddf >= 0.0:
+            break
+        before, x = x, min(max(x - df / ddf, low), high)
+        if abs(x - before) < 1e-9:
+            break
+    return best, place
+
+
+@inner
+def find_extrema(problem, work, look, samples):
+    """Fill the extrema of every output over the period, both sides of every event included."""
+    count = samples // OVERSAMPLING
+    node_series(problem, work, look, count)
+    sample_columns(problem, work, look, count, samples)
+    events, rows, extrema = work.events[PRESENT], look.rows, look.extrema
+    step = 2.0 * math.pi / samples
+    values = look.columns[rows.shape[1]]
+    for o in range(rows.shape[0]):
+        for q in range(samples):
+            values[q] = 0.0
+        for c in range(rows.shape[1]):
+            factor = rows[o, c]
+            if factor != 0.0:
+                source = look.columns[c]
+                for q in range(samples):
+                    values[q] += factor * source[q]
+        for way in range(2):
+            top = 0
+            for q in range(1, samples):
+                if values[q] > values[top]:
+                    top = q
+            left, right = 1e9, 1e9
+            for e in range(number_of(events)):
+                gap = events[e, PHASE] / step - top
+                gap -= samples * math.floor(gap / samples)
+                left, right = min(left, samples - gap), min(right, gap)
+            best, place = refine(look, samples, top, left, right)
+            extrema[way, o] = best if way == HIGH else -best
+            extrema[HIGH_PHASE + way, o] = step * (top + place)
+            for q in range(samples):
+                values[q] = -values[q]
+    for e in range(number_of(events)):
+        for side in (-1.0, 1.0):
+            look_at(problem, work, look, count, events[e, PHASE], int(events[e, ROW]), side)
+            for o in range(rows.shape[0]):
+                total = 0.0
+                for c in range(rows.shape[1]):
+                    total += rows[o, c] * look.state[c]
+                if total > extrema[HIGH, o]:
+                    extrema[HIGH, o], extrema[HIGH_PHASE, o] = total, events[e, PHASE]
+                if total < extrema[LOW, o]:
+                    extrema[LOW, o], extrema[LOW_PHASE, o] = total, events[e, PHASE]
+
+
+@kernel
+def states(problem, work, look, count, phases, rows, sides, result):
+    """Fill columns (p, C) at phases, on one side of the breaks `rows` (-1: none)."""
+    for p in range(phases.size):
+        look_at(problem, work, look, count, phases[p], rows[p], sides[p])
+        for c in range(result.shape[1]):
+            result[p, c] = look.state[c]
