@@ -27,6 +27,7 @@ PAGES = (
     "README.md",
     "docs/tutorial.md",
     "docs/howto.md",
+    "docs/steady_states.md",
     "docs/random.md",
     "docs/elements.md",
     "docs/bodies.md",

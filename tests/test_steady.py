@@ -92,6 +92,31 @@ def test_self_excited_seat_under_a_small_sine_is_not_called_periodic():
     assert np.all(np.isnan(state.amplitude))
 
 
+def test_subharmonic_response_is_said_to_be_so():
+    """A mass against a stop in the middle: its motion repeats after two periods."""
+    stop = sd.PiecewiseSpring(20.0, 100.0, 0.0, jumping=False)
+    system = oscillator(sd.Spring(1.0), sd.Damper(0.1), stop)
+    sine = sd.Sine(3.3 / (2 * np.pi), amplitude=1.0)
+    state = sd.steady_state(system, sine, max_periods=400)
+    assert (state.attrs["status"], state.attrs["order"]) == ("subharmonic", 2)
+    assert np.all(np.isnan(state.amplitude))
+    run = sd.simulate(system, sine, 300 * sine.period, output_step=sine.period / 64)
+    travel = run.displacement.sel(node="seat").values[-64 * 8 - 1 :]
+    swing = float(np.ptp(travel))
+    assert np.max(np.abs(travel[128:] - travel[:-128])) < 1e-4 * swing
+    assert np.max(np.abs(travel[64:] - travel[:-64])) > 0.1 * swing
+    # the motion with the period of the excitation exists, and is unstable
+    balanced = sd.steady_state(system, sine, method="hb")
+    assert (balanced.attrs["status"], balanced.attrs["stable"]) == ("converged", 0)
+
+
+def test_chaotic_response_is_not_called_periodic():
+    stop = sd.PiecewiseSpring(20.0, 100.0, 0.0, jumping=False)
+    system = oscillator(sd.Spring(1.0), sd.Damper(0.1), stop)
+    state = sd.steady_state(system, sd.Sine(2.9 / (2 * np.pi), amplitude=1.0), max_periods=400)
+    assert state.attrs["status"] == "no_periodic_response"
+
+
 def test_growth_without_bound_is_not_called_periodic(sine):
     system = paper_system(sd.CoulombFriction(1e-3), body=ON, mass=10.0)
     state = sd.steady_state(system, sine)

@@ -50,7 +50,7 @@ class MeasurementWarning(SeatdynWarning):
 
 
 class Status(StrEnum):
-    """How a computation ended; only the numbers of `OK` and `CONVERGED` results may be used."""
+    """How a computation ended; only the numbers of `valid` results may be used."""
 
     OK = "ok"
     CONVERGED = "converged"
@@ -62,7 +62,11 @@ class Status(StrEnum):
     STEP_LIMIT = "step_limit"
     STEP_TOO_SMALL = "step_too_small"
     INCONSISTENT = "inconsistent"
+    GRAZING = "grazing"
+    SUBHARMONIC = "subharmonic"
     NOT_CONVERGED = "not_converged"
+    NOT_ACCURATE = "not_accurate"
+    STICKING = "sticking"
 
     @property
     def message(self) -> str:
@@ -72,7 +76,7 @@ class Status(StrEnum):
     @property
     def valid(self) -> bool:
         """Whether the numbers beside this status may be used."""
-        return self in (Status.OK, Status.CONVERGED)
+        return self in (Status.OK, Status.CONVERGED, Status.GRAZING)
 
 
 _MESSAGES = {
@@ -95,4 +99,12 @@ _MESSAGES = {
     "number or the tolerance.",
     Status.INCONSISTENT: "The energy balance does not close: a force law jumps without saying "
     "where, or the tolerance is too loose. Declare the jump, or lower `rtol`.",
+    Status.GRAZING: "The steady state repeats itself within the stated tolerance, but it touches a "
+    "jump of a force almost without speed, so that its Floquet multipliers are not defined.",
+    Status.SUBHARMONIC: "The response repeats itself only after several periods of the "
+    "excitation, so it has no amplitude over one of them. Look at it with `simulate`.",
+    Status.NOT_ACCURATE: "The most harmonics allowed do not reach the tolerance: the error "
+    "estimate says what they reach. Raise `tolerance`, or use method='time'.",
+    Status.STICKING: "The motion would stick at a jump of a force, which harmonic balance cannot "
+    "follow. Use method='time'.",
 }

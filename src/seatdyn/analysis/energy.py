@@ -19,7 +19,8 @@ from seatdyn.analysis.outputs import seen_by
 from seatdyn.analysis.run import Run, Samples
 from seatdyn.kernels import dense
 from seatdyn.kernels.columns import BREAKS, ELEMENTS, FIRST, ON_VELOCITY, SECOND, VALUE
-from seatdyn.model.system import BASE
+from seatdyn.kernels.plant import Plant
+from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
 WORST_RESIDUAL = 1e-4  # of the throughput, beyond which a result is not to be used
@@ -63,7 +64,8 @@ def energy_balance(run: Run) -> EnergyBalance:
     for first in range(0, run.steps, CHUNK):
         last = min(first + CHUNK, run.steps)
         samples = run.in_steps(shares, first, last)
-        flows = np.array([*powers(run, samples), outside_power(samples)])
+        inside = powers(run.problem.system, run.problem.plant, samples)
+        flows = np.array([*inside, outside_power(samples)])
         measure = (sizes[first:last, None] * weights).ravel()
         works += np.vstack([flows, np.abs(flows).sum(0)]) @ measure
     ends = run.sample(np.array([0, run.steps - 1]), np.array([0.0, 1.0]))
@@ -92,12 +94,12 @@ def _extended(samples: Samples) -> tuple[Array, Array]:
     return z, v
 
 
-def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
+def powers(system: SeatSystem, plant: Plant, samples: Samples) -> tuple[Array, Array, Array]:
     """Power put in by the base, dissipated, and put in by the feedback forces, each (p,), W.
 
     Delayed forces count among the feedback forces: they may put in power too.
     """
-    system, linear = run.problem.system, run.problem.system.linear.prompt
+    linear = system.linear.prompt
     z, v = _extended(samples)
     dissipation = np.einsum("pi,ij,pj->p", v, linear.passive_damping, v)
     active = z @ linear.active_stiffness.T + v @ linear.active_damping.T
@@ -109,7 +111,6 @@ def powers(run: Run, samples: Samples) -> tuple[Array, Array, Array]:
         force = z_then @ group.stiffness.T + v_then @ group.damping.T
         feedback = feedback - np.einsum("pi,pi->p", v, force)
         on_base = on_base + force[:, -1]
-    plant = run.problem.plant
     for j, channel in enumerate(system.channels):
         elements = slice(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS])
         seen = seen_by(system, samples, channel.delay)

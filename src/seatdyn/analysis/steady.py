@@ -1,19 +1,22 @@
-"""Periodic steady state, by time integration until the motion repeats itself."""
+"""Periodic steady state: by harmonic balance, or by integration until the motion repeats itself."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections import deque
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.balance import balance, sorted_multipliers
 from seatdyn.analysis.delay_orbit import find_late_orbit
 from seatdyn.analysis.delay_time import LateProblem, LateState
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
-from seatdyn.analysis.outputs import named_outputs, output_unit
+from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
 from seatdyn.analysis.stability import is_stable
+from seatdyn.analysis.steady_balance import HARMONICS, PER_PERIOD, balanced_state, fill
 from seatdyn.analysis.transient import (
     check_request,
     initial_state,
@@ -30,6 +33,7 @@ from seatdyn.model.elements import (
     QuadraticDamper,
 )
 from seatdyn.model.excitation import Excitation
+from seatdyn.model.force import WithForces
 from seatdyn.model.system import SeatSystem
 from seatdyn.units import number
 
@@ -40,8 +44,9 @@ Array = NDArray[np.float64]
 DEFAULT = Settings(rtol=1e-9)
 SHARES = np.linspace(0.0, 1.0, 13)  # of a step, where extrema are looked for
 REFINED = 33  # points around each extremum on the second look
-PER_PERIOD = 1024  # points of the period kept in the Dataset
-HARMONICS = 20
+TOLERANCE, BALANCE_TOLERANCE = 1e-9, 1e-6  # where none is given; the latter for "hb" alone
+LONGEST_SUBHARMONIC = 8  # periods
+ALTERNATING = 1e-4  # change over one period, relative, of a subharmonic that is taken for one
 CLOSE = 1e-3  # relative change per period below which Newton may finish
 PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
@@ -53,34 +58,48 @@ def steady_state(
     system: SeatSystem,
     excitation: Excitation,
     *,
-    tolerance: float = 1e-9,
+    method: Literal["auto", "hb", "time"] = "auto",
+    tolerance: float | None = None,
+    check: bool = False,
     max_periods: int = 5000,
     settings: Settings = DEFAULT,
 ) -> xr.Dataset:
-    """Periodic response to a periodic base motion, reached by time integration from rest.
+    """Periodic response to a periodic base motion.
 
-    Periods are integrated until the state repeats; when it nearly does, Newton's method on the
+    "hb", harmonic balance, finds a motion with the period of the excitation, starting from the
+    linear response, with as many harmonics as its error estimate asks for. The motion may be
+    unstable (attribute `stable` 0): it solves the equations, but no test will show it.
+
+    "time" integrates from rest until the state repeats; when it nearly does, Newton's method on the
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
     inside the unit circle) and repeats within `tolerance` when integrated once more.
 
+    "auto" is "hb" where that reaches the tolerance on a stable motion, else "time".
+
     Parameters
     ----------
-    system, excitation : the excitation must have a period
-    tolerance : largest change of the state over one period, relative to its largest motion
-    max_periods : periods after which the response is called not periodic
+    system, excitation : the excitation must have a period; for "hb" it must be made of sines
+    method : see above; the attribute `method` says which was used
+    tolerance : "time": largest change of the state over one period, relative to its largest motion;
+        "hb": largest error estimate, relative to the amplitude of each output. 1e-9 unless given,
+        1e-6 for method "hb"
+    check : run one period in time from the balanced motion; the largest relative deviation of final
+        state and amplitudes becomes the attribute `check_deviation`
+    max_periods : of time integration, after which the response is called not periodic
 
     Returns
     -------
     xarray.Dataset
         amplitude (half of maximum minus minimum over the period), maximum, minimum, rms (output);
-        harmonics (output, harmonic), complex amplitudes; and one period of everything that
-        `simulate` gives. Attributes: status, error_estimate, floquet_max, periods,
-        energy_residual. Without a steady state the numbers are NaN and the status says why.
+        harmonics (output, harmonic), complex amplitudes; floquet_multipliers; and one period of
+        everything that `simulate` gives. Attributes: status, method, error_estimate, floquet_max,
+        stable, periods, energy_residual; order, of a subharmonic response, in periods. Without a
+        steady state the numbers are NaN and the status says why.
 
     Raises
     ------
     RequestError
-        An excitation without a period.
+        An excitation without a period, or for "hb" one that is no sum of sines.
 
     Examples
     --------
@@ -88,12 +107,68 @@ def steady_state(
     >>> seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.Damper(260.0)])
     >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
     >>> state = sd.steady_state(system, sd.Sine(1.55, amplitude=0.8857))
-    >>> round(float(state.amplitude.sel(output="acc_seat")), 5)
-    4.01629
+    >>> round(float(state.amplitude.sel(output="acc_seat")), 5), state.attrs["method"]
+    (4.01629, 'hb')
     """
     check_request(system, excitation)
+    if method not in ("auto", "hb", "time"):
+        raise RequestError(f"method = {method!r} is not allowed; use 'auto', 'hb' or 'time'.")
+    if tolerance is None:
+        tolerance = BALANCE_TOLERANCE if method == "hb" else TOLERANCE
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     max_periods = round(number(max_periods, "max_periods", "", minimum=1.0, error=RequestError))
+    require_period(excitation)
+    if method != "time":
+        data = _by_balance(system, excitation, method, tolerance, check)
+        if data is not None:
+            return data
+    return _by_integration(system, excitation, tolerance, max_periods, settings)
+
+
+def require_period(excitation: Excitation) -> float:
+    """The period in s; refused where there is none."""
+    if excitation.period is None:
+        raise RequestError(
+            f"{type(excitation).__name__} has no period, so there is no periodic steady state; "
+            "use Sine or a SineSum of commensurable frequencies, or `simulate`."
+        )
+    return excitation.period
+
+
+def _by_balance(
+    system: SeatSystem, excitation: Excitation, method: str, tolerance: float, check: bool
+) -> xr.Dataset | None:
+    """Steady state by harmonic balance; with "auto" None where integration has to decide."""
+    known = not (system.delays or system.memory_elements or isinstance(excitation, WithForces))
+    if method == "auto" and not known:
+        return None
+    balanced = balance(system, excitation, tolerance)
+    if balanced is None:
+        if method == "auto":
+            return None
+        raise RequestError(
+            f"method = 'hb' needs a base motion made of sines, and {type(excitation).__name__} is "
+            "not; use method='time'."
+        )
+    data = balanced_state(balanced, excitation, tolerance, check=check)
+    good = data.attrs["status"] == Status.CONVERGED and data.attrs["stable"] == 1
+    if not good and method == "auto":
+        return None
+    if "amplitude" not in data:
+        data = _nothing(system).assign_attrs(data.attrs)
+    else:
+        warn_extrapolation(system, balanced.in_period)
+    return data
+
+
+def _by_integration(
+    system: SeatSystem,
+    excitation: Excitation,
+    tolerance: float,
+    max_periods: int,
+    settings: Settings,
+) -> xr.Dataset:
+    """Steady state reached from rest."""
     problem = problem_for(system, excitation, settings)
     orbit = find_orbit(problem, excitation, tolerance, max_periods)
     if orbit.status is Status.CONVERGED and orbit.run is not None:
@@ -105,16 +180,24 @@ def steady_state(
     data.attrs |= {
         "status": str(orbit.status),
         "message": orbit.status.message,
+        "method": "time",
         "error_estimate": max(orbit.error, settings.rtol),
         "floquet_max": orbit.multiplier,
         "periods": orbit.periods,
         "tolerance": tolerance,
     }
+    if orbit.status is Status.SUBHARMONIC:
+        data.attrs["order"] = orbit.order
     if orbit.run is not None and orbit.status is Status.CONVERGED:
-        warn_extrapolation(orbit.run)
+        run = orbit.run
+        warn_extrapolation(system, lambda: run.in_steps(np.linspace(0.0, 1.0, 5)))
         inputs = run_attributes(orbit.run, system, excitation)
-        data.attrs |= {k: v for k, v in inputs.items() if k not in ("status", "message")}
-        data.attrs["energy_residual"] = orbit.residual
+        data.attrs |= {k: v for k, v in inputs.items() if k not in ("status", "message", "method")}
+        data.attrs |= {
+            "integrator": inputs["method"],
+            "energy_residual": orbit.residual,
+            "stable": 1,
+        }
     return data
 
 
@@ -139,23 +222,19 @@ class Orbit:
         error: float = np.nan,
         multiplier: float = np.nan,
         periods: int = 0,
+        order: int = 1,
     ) -> None:
         """Keep what was found."""
         self.status, self.period, self.run = status, period, run
         self.error, self.multiplier, self.periods = error, multiplier, periods
-        self.residual = np.nan
+        self.residual, self.order = np.nan, order
 
 
 def find_orbit(
     problem: Problem, excitation: Excitation, tolerance: float, max_periods: int
 ) -> Orbit:
     """Integrate from rest until the motion repeats itself."""
-    period = excitation.period
-    if period is None:
-        raise RequestError(
-            f"{type(excitation).__name__} has no period, so there is no periodic steady state; "
-            "use Sine or a SineSum of commensurable frequencies, or `simulate`."
-        )
+    period = require_period(excitation)
     linear = all(is_affine(element) for element in problem.system.nonlinear_elements)
     linear = linear and not problem.system.memory_elements
     if linear and not is_stable(problem.system, linearise="tangent"):
@@ -172,6 +251,7 @@ def find_orbit(
         )
     state = problem.start(initial_state(problem, "rest"))
     changes: list[float] = []
+    past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
         if run.status is Status.DIVERGED:
@@ -191,6 +271,10 @@ def find_orbit(
                 multiplier=rate,
                 periods=count,
             )
+        order = _repeats_after(past, run, tolerance, _scales(problem, run))
+        if order:
+            return Orbit(Status.SUBHARMONIC, period, periods=count, order=order)
+        past.append(state.y)
         # Newton costs as much as 2N periods: at once where it is exact, when the motion nearly
         # repeats itself, and now and then where it creeps
         near = changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
@@ -200,6 +284,20 @@ def find_orbit(
                 return orbit
         state = run.end
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
+
+
+def _repeats_after(past: deque[Array], run: Run, tolerance: float, scales: Array) -> int:
+    """Number of periods (2 .. 8) after which the state repeats itself while it alternates, or 0.
+
+    past : states at the starts of the periods before this run, the last one latest
+    """
+    ago = [float(np.max(np.abs(run.end.y - y) / scales)) for y in reversed(past)]
+    start = run.record[0, 1 : 1 + scales.size]
+    alternates = float(np.max(np.abs(run.end.y - start) / scales)) > ALTERNATING
+    for k, change in enumerate(ago):
+        if alternates and change <= tolerance:
+            return k + 2
+    return 0
 
 
 def is_affine(element: NonlinearElement) -> bool:
@@ -233,7 +331,7 @@ def _newton(
 ) -> Orbit | None:
     """Newton's method on the period map; None unless it ends on a stable orbit."""
     y = state.y
-    jacobian = np.empty((y.size, y.size))
+    jacobian = np.eye(y.size)
     residual_before = np.inf
     for step in range(NEWTON_STEPS):
         run = problem.run(0.0, period, problem.start(y))
@@ -252,13 +350,20 @@ def _newton(
         if residual > 0.5 * residual_before:
             return None
         residual_before = residual
-        for i in range(y.size):
-            shifted = y.copy()
-            shifted[i] += PERTURBATION * scales[i]
-            other = problem.run(0.0, period, problem.start(shifted))
-            jacobian[:, i] = (other.end.y - run.end.y) / (PERTURBATION * scales[i])
+        jacobian = _period_map(problem, period, run, y, scales)
         y = y + np.linalg.solve(np.eye(y.size) - jacobian, run.end.y - y)
     return None
+
+
+def _period_map(problem: Problem, period: float, run: Run, y: Array, scales: Array) -> Array:
+    """Derivative of the state after one period with respect to its start, by differences."""
+    jacobian = np.empty((y.size, y.size))
+    for i in range(y.size):
+        shifted = y.copy()
+        shifted[i] += PERTURBATION * scales[i]
+        other = problem.run(0.0, period, problem.start(shifted))
+        jacobian[:, i] = (other.end.y - run.end.y) / (PERTURBATION * scales[i])
+    return jacobian
 
 
 def extrema(run: Run) -> tuple[dict[str, float], dict[str, float]]:
@@ -297,23 +402,27 @@ def _vertex(values: Array) -> float:
     return float(max(values[k], centre - (right - left) ** 2 / (8 * bend)))
 
 
-def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
-    """One period, and amplitudes; NaN where there is no steady state."""
+def _nothing(system: SeatSystem) -> xr.Dataset:
+    """NaN where there is no steady state."""
     import xarray as xr
 
+    nodes = np.zeros((0, system.linear.size))
+    elements = np.zeros((0, sum(len(channel.elements) for channel in system.channels)))
+    empty = Samples(np.zeros(0), np.zeros((3, 0)), nodes, nodes, nodes, elements, elements)
+    empty = empty._replace(past=(empty,) * len(system.delays))
+    names = list(named_outputs(system, empty))
+    nan: dict[str, Any] = {
+        key: ("output", np.full(len(names), np.nan))
+        for key in ("amplitude", "maximum", "minimum", "rms")
+    }
+    return xr.Dataset(nan, coords={"output": names})
+
+
+def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
+    """One period, and amplitudes; NaN where there is no steady state."""
     system = problem.system
     if orbit.run is None or orbit.status is not Status.CONVERGED:
-        nowhere, nothing = (
-            np.zeros((0, size)) for size in (system.linear.size, problem.plant.elements.shape[0])
-        )
-        empty = Samples(np.zeros(0), np.zeros((3, 0)), nowhere, nowhere, nowhere, nothing, nothing)
-        empty = empty._replace(past=(empty,) * len(system.delays))
-        names = list(named_outputs(system, empty))
-        nan: dict[str, Any] = {
-            key: ("output", np.full(len(names), np.nan))
-            for key in ("amplitude", "maximum", "minimum", "rms")
-        }
-        return xr.Dataset(nan, coords={"output": names})
+        return _nothing(system)
     time = orbit.period * np.arange(PER_PERIOD) / PER_PERIOD
     samples = orbit.run.at(time)
     outputs = named_outputs(system, samples)
@@ -323,14 +432,15 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     top, bottom = np.array([high[n] for n in names]), np.array([low[n] for n in names])
     spectrum = np.fft.rfft(values, axis=1)[:, : HARMONICS + 1] / PER_PERIOD
     spectrum[:, 1:] *= 2
+    multipliers = None
+    if type(problem) is Problem:  # with delays or states of elements a state is more than this
+        scales = _scales(problem, orbit.run)
+        start = orbit.run.record[0, 1 : 1 + scales.size]
+        jacobian = _period_map(problem, orbit.period, orbit.run, start, scales)
+        multipliers = sorted_multipliers(jacobian)
     data = to_dataset(system, samples)
-    data.coords["output"] = names
-    data.coords["harmonic"] = np.arange(HARMONICS + 1)
-    data.coords["output_unit"] = ("output", [output_unit(name) for name in names])
-    note = {"units": "see output_unit"}
-    data["amplitude"] = ("output", (top - bottom) / 2, note)
-    data["maximum"] = ("output", top, note)
-    data["minimum"] = ("output", bottom, note)
-    data["rms"] = ("output", np.sqrt(np.mean(values**2, axis=1)), note)
-    data["harmonics"] = (("output", "harmonic"), spectrum, note)
+    fill(
+        data, names, (top - bottom) / 2, top, bottom, np.sqrt(np.mean(values**2, axis=1)),
+        spectrum, multipliers,
+    )  # fmt: skip
     return data

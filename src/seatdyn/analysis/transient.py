@@ -160,7 +160,7 @@ def run_for(
     else:
         start = problem.start(initial_state(problem, initial))
     run = problem.run(0.0, duration, start, progress)
-    warn_extrapolation(run)
+    warn_extrapolation(system, lambda: run.in_steps(np.linspace(0.0, 1.0, 5)))
     return run
 
 
@@ -291,16 +291,15 @@ def pull_at_rest(problem: Problem, j: int, d: float) -> float:
     return float(dense.element_forces(problem.plant, j, np.array([d]), np.zeros(1)).sum())
 
 
-def warn_extrapolation(run: Run) -> None:
-    """Warn for every measured table that the run left, naming it."""
-    system = run.problem.system
+def warn_extrapolation(system: SeatSystem, look: Callable[[], Samples]) -> None:
+    """Warn for every measured table that a motion left, naming it."""
     samples = None
     for channel in system.channels:
         for element in channel.elements:
             limits = element.lower().limits
             if limits is None:
                 continue
-            samples = samples or run.in_steps(np.linspace(0.0, 1.0, 5))
+            samples = samples or look()
             variable, low, high = limits
             values = across(system, samples, channel.between, int(variable == "velocity"))
             if values.min() < low or values.max() > high:

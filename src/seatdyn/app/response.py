@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -25,12 +26,41 @@ from seatdyn.app.show import (
 from seatdyn.errors import Status
 
 
-def steady(model: ModelOptions, motion: SineOptions, out: OutputOptions, plot: Plot = None) -> None:
+class Method(StrEnum):
+    """How a steady state is found."""
+
+    AUTO = "auto"
+    HB = "hb"
+    TIME = "time"
+
+
+def steady(
+    model: ModelOptions,
+    motion: SineOptions,
+    out: OutputOptions,
+    method: Annotated[
+        Method,
+        option(
+            "--method",
+            "hb: harmonic balance, stable or not; time: integration from rest; auto: hb where it "
+            "is accurate and stable, else time.",
+            panel="Request",
+            default=True,
+        ),
+    ] = Method.AUTO,
+    tolerance: Annotated[
+        float | None,
+        number_option(
+            "--tolerance", "Largest relative error.", panel="Request", default="1e-9, hb 1e-6"
+        ),
+    ] = None,
+    plot: Plot = None,
+) -> None:
     """Periodic steady state under a sine: amplitudes = (max - min)/2 over one period."""
     from seatdyn.analysis.steady import steady_state
 
     plot_target(plot)
-    data = steady_state(model.system(), motion.sine())
+    data = steady_state(model.system(), motion.sine(), method=method.value, tolerance=tolerance)
     names = data.output.values.tolist()
     values = {key: data[key].values.tolist() for key in ("amplitude", "rms")}
     status = data.attrs["status"]
@@ -39,7 +69,8 @@ def steady(model: ModelOptions, motion: SineOptions, out: OutputOptions, plot: P
     from seatdyn.analysis.outputs import output_unit
 
     units = [output_unit(name) for name in names]
-    facts = ("error_estimate", "floquet_max", "periods", "tolerance", "energy_residual")
+    facts = ("method", "error_estimate", "floquet_max", "periods", "tolerance", "energy_residual")
+    stable = data.attrs.get("stable")
     if out.as_json:
         write_json(
             {
@@ -50,16 +81,20 @@ def steady(model: ModelOptions, motion: SineOptions, out: OutputOptions, plot: P
                 "rms": dict(zip(names, values["rms"], strict=True)),
                 "unit": dict(zip(names, units, strict=True)),
                 **{key: data.attrs.get(key) for key in facts},
+                "stable": None if stable is None else bool(stable),
+                **({"order": data.attrs["order"]} if "order" in data.attrs else {}),
             }
         )
     elif Status(status).valid:
         rows = zip(names, values["amplitude"], values["rms"], units, strict=True)
         write_table("Steady state", ["output", "amplitude", "rms", "unit"], rows)
-        write_line(
-            f"converged after {data.attrs['periods']} periods, relative error about "
-            f"{data.attrs['error_estimate']:.1g}"
-        )
-    finish(status)
+        error = f"relative error about {data.attrs['error_estimate']:.1g}"
+        if data.attrs["method"] == "time":
+            write_line(f"converged after {data.attrs['periods']} periods, {error}")
+        else:
+            verdict = "stability undefined" if stable is None else ("unstable", "stable")[stable]
+            write_line(f"harmonic balance, {verdict}, {error}")
+    finish(status, data.attrs["message"])
 
 
 def simulate(

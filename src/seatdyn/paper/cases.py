@@ -157,7 +157,7 @@ def solve(system: SeatSystem, excitation: Sine, *, tolerance: float = TOLERANCE)
     RequestError
         There is no steady state, or its energy does not balance.
     """
-    data = steady_state(system, excitation, tolerance=tolerance)
+    data = steady_state(system, excitation, method="time", tolerance=tolerance)
     if data.attrs["status"] != "converged":
         raise RequestError(f"{system} at {excitation}: {data.attrs['message']}")
     residual = data.attrs["energy_residual"]

@@ -1,0 +1,216 @@
+"""Harmonic balance of a seat system: from model objects to the kernels and back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.lowering import lower
+from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.run import Samples, interruptible
+from seatdyn.errors import RequestError
+from seatdyn.kernels import floquet, levels, orbit
+from seatdyn.kernels.balance import CONVERGED
+from seatdyn.kernels.columns import FIRST, SECOND
+from seatdyn.kernels.condensed import (
+    KEPT,
+    MOST_EVENTS,
+    OVERSAMPLING,
+    PHASE,
+    PRESENT,
+    Condensed,
+    Work,
+    make_work,
+)
+from seatdyn.kernels.dense import element_forces
+from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.levels import NOT_ACCURATE
+from seatdyn.kernels.orbit import Look, make_look
+from seatdyn.model.excitation import Excitation, Motion
+from seatdyn.model.system import SeatSystem
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+FEWEST_SAMPLES, GUESSED_SAMPLES, MOST_SAMPLES = 64, 128, 4096  # of a period
+SAME_FREQUENCY = 1e-9  # relative: how near a sine must be to a multiple of 1/period
+
+
+def base_harmonics(motion: Motion, period: float) -> NDArray[np.complex128] | None:
+    """Complex harmonics of the base displacement in m, or None where it is not a sum of sines."""
+    omega = 2 * math.pi / period
+    steady = motion.starts.size == 1 and not np.any(motion.polynomials[0, 1:])
+    sines = [row for row in (*motion.sines, *motion.segment_sines) if row[0] != 0.0]
+    multiples = [row[1] / omega for row in sines]
+    if not steady or any(abs(k - round(k)) > SAME_FREQUENCY * k for k in multiples):
+        return None
+    base = np.zeros(max([1, *(round(k) for k in multiples)]) + 1, complex)
+    base[0] = motion.polynomials[0, 0]
+    for (amplitude, _, phase), k in zip(sines, multiples, strict=True):
+        # a sin(theta + phase) = Re[-i a exp(i phase) exp(i theta)]
+        base[round(k)] += -1j * amplitude * np.exp(1j * phase)
+    return base
+
+
+def condense(system: SeatSystem, excitation: Excitation) -> Condensed | None:
+    """Arrays of the periodic problem, or None where the base motion is not a sum of sines."""
+    if excitation.period is None:
+        raise RequestError(f"{type(excitation).__name__} has no period.")
+    base = base_harmonics(excitation.motion, excitation.period)
+    if base is None:
+        return None
+    plant = lower(system, excitation.motion)
+    n = system.linear.size
+    damped = plant.linear[:, n : 2 * n] @ plant.pull
+    with_base = np.vstack([damped, np.zeros(damped.shape[1])])
+    first, second = plant.channels[:-1, [FIRST, SECOND]].T
+    return Condensed(
+        plant.linear, plant.pull, plant.gain, damped, with_base[second] - with_base[first],
+        plant.channels, plant.elements, plant.parameters, plant.breaks, base,
+        np.array([channel.delay for channel in system.channels]), np.ones(2),
+        2 * math.pi / excitation.period,
+    )  # fmt: skip
+
+
+def output_rows(system: SeatSystem) -> tuple[list[str], Array]:
+    """Names of the outputs, and each as a combination of what a sample holds, (o, 3N + e + 3)."""
+    n, e = system.linear.size, sum(len(channel.elements) for channel in system.channels)
+    unit = np.eye(3 * n + e + 3)
+    samples = Samples(
+        np.zeros(len(unit)), unit[-3:], unit[:, :n], unit[:, n : 2 * n], unit[:, 2 * n : 3 * n],
+        unit[:, 3 * n : 3 * n + e], np.zeros((len(unit), e)),
+    )  # fmt: skip
+    outputs = named_outputs(system, samples)
+    return list(outputs), np.array(list(outputs.values()))
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A periodic motion found by harmonic balance, or why there is none.
+
+    code : of the kernels; `message` says it in words
+    error : estimate, relative to the amplitude of each output
+    """
+
+    system: SeatSystem
+    problem: Condensed
+    work: Work
+    look: Look
+    names: list[str]
+    code: int
+    error: float
+    samples: int
+    evaluations: int
+
+    @property
+    def count(self) -> int:
+        """Number of harmonics, the mean included."""
+        return self.samples // OVERSAMPLING
+
+    @property
+    def found(self) -> bool:
+        """Whether the equations are solved (to whatever accuracy)."""
+        return self.code in (CONVERGED, NOT_ACCURATE)
+
+    def at(self, phases: Array, rows: Integers | None = None, sides: Array | None = None) -> Array:
+        """Columns (p, 3N + e + 3) of the motion at phases in rad."""
+        rows = np.full(phases.size, -1, dtype=np.int64) if rows is None else rows
+        sides = np.zeros(phases.size) if sides is None else sides
+        result = np.empty((phases.size, self.look.rows.shape[1]))
+        arguments = (self.problem, self.work, self.look, self.count, phases, rows, sides)
+        with CompileNotice():
+            orbit.states(*arguments, result)
+        return result
+
+    @property
+    def event_phases(self) -> Array:
+        """Phases of the breaks of laws that the motion meets, rad."""
+        events = self.work.events[PRESENT]
+        return np.asarray(events[: int(events[MOST_EVENTS, 0]), PHASE])
+
+    def sample(self, phases: Array) -> Samples:
+        """The motion at phases in rad, as a time run gives it."""
+        columns = self.at(np.ascontiguousarray(phases))
+        n, e = self.system.linear.size, self.problem.elements.shape[0]
+        z, v, a, force = np.split(columns[:, : 3 * n + e], [n, 2 * n, 3 * n], axis=1)
+        base = columns[:, 3 * n + e :].T
+        elastic = [
+            element_forces(self.problem, j, self._across(z, base[0], j), np.zeros(len(z)))
+            for j in range(len(self.system.channels))
+        ]
+        time = phases / self.problem.omega
+        return Samples(time, base, z, v, a, force, np.column_stack([*elastic, z[:, :0]]))
+
+    def in_period(self) -> Samples:
+        """The motion at its samples, where it was found."""
+        return self.sample(2 * np.pi * np.arange(self.samples) / self.samples)
+
+    def _across(self, z: Array, base: Array, j: int) -> Array:
+        extended = np.column_stack([z, base])
+        first, second = self.problem.channels[j, [FIRST, SECOND]]
+        return np.ascontiguousarray(extended[:, second] - extended[:, first])
+
+    def floquet(self) -> tuple[NDArray[np.complex128], float]:
+        """Floquet multipliers, largest first, and the slowest crossing of a jump.
+
+        The latter is relative to the fastest motion; negative where the motion would stick.
+        """
+        n, m = self.problem.pull.shape
+        space, slopes = np.zeros((6, 2 * n, 2 * n)), np.zeros((3, 4, m))
+        with CompileNotice():
+            slowest = floquet.monodromy(self.problem, self.work, self.samples, 1, space, slopes)
+        return sorted_multipliers(space[0]), float(slowest)
+
+    def start(self) -> Array:
+        """State at t = 0: displacements, then velocities, (2N,)."""
+        return self.at(np.zeros(1))[0, : 2 * self.system.linear.size]
+
+
+def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of a monodromy matrix, largest first."""
+    values = np.linalg.eigvals(matrix).astype(complex)
+    return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def balance(
+    system: SeatSystem,
+    excitation: Excitation,
+    tolerance: float,
+    *,
+    guess: NDArray[np.complex128] | None = None,
+    most: int = MOST_SAMPLES,
+) -> Balanced | None:
+    """Motion with the period of the excitation by harmonic balance.
+
+    None where the base motion is not a sum of sines.
+
+    Parameters
+    ----------
+    tolerance : of the error estimate, relative to the amplitude of each output
+    guess : harmonics of the relative motion of the channels to start from, (h, m); else the linear
+        response is the start
+    most : samples of a period, a power of two
+    """
+    problem = condense(system, excitation)
+    if problem is None:
+        return None
+    names, rows = output_rows(system)
+    nodes, channels = problem.pull.shape
+    first = FEWEST_SAMPLES
+    while first // OVERSAMPLING <= 2 * (problem.base.size - 1):
+        first *= 2
+    if guess is not None:
+        first = max(first, GUESSED_SAMPLES)
+    most = max(most, 4 * first)
+    work = make_work(nodes, channels, most)
+    look = make_look(rows, nodes, most)
+    if guess is not None:
+        known = min(len(guess), first // OVERSAMPLING)
+        work.series[KEPT, :known] = guess[:known]
+    with CompileNotice(), interruptible():
+        code, error, samples, evaluations = levels.ascend(
+            problem, work, look, tolerance, first, most, guess is not None
+        )
+    return Balanced(system, problem, work, look, names, code, error, samples, evaluations)

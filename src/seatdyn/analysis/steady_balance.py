@@ -1,0 +1,185 @@
+"""A balanced motion as a steady state: statuses, stability, energy, the check by integration."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import seatdyn
+from seatdyn.analysis.balance import Array, Balanced
+from seatdyn.analysis.energy import WORST_RESIDUAL, powers
+from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.run import Problem, Settings
+from seatdyn.analysis.transient import to_dataset
+from seatdyn.errors import Status
+from seatdyn.kernels.balance import CONVERGED, TOO_MANY_EVENTS
+from seatdyn.kernels.levels import NOT_ACCURATE
+from seatdyn.kernels.orbit import HIGH, LOW, NODES
+from seatdyn.model.excitation import Excitation
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PER_PERIOD = 1024  # points of the period kept in the Dataset
+HARMONICS = 20
+GRAZING = 1e-3  # of the fastest motion: slower crossings of a jump graze it
+PIECES = 160  # of a period, between events, that the energy balance is integrated over
+GAUSS = np.polynomial.legendre.leggauss(6)
+CHECK = Settings(rtol=1e-11)
+AGREEMENT = 10.0  # tolerances: what the check allows
+
+
+def status_of(balanced: Balanced, slowest: float) -> Status:
+    """How harmonic balance ended; `slowest` as given by `Balanced.floquet`."""
+    if balanced.code == TOO_MANY_EVENTS:
+        return Status.CHATTERING
+    if not balanced.found:
+        return Status.NOT_CONVERGED
+    if slowest < 0.0:
+        return Status.STICKING
+    if balanced.code == NOT_ACCURATE:
+        return Status.NOT_ACCURATE
+    assert balanced.code == CONVERGED
+    return Status.GRAZING if slowest < GRAZING else Status.CONVERGED
+
+
+def energy_residual(balanced: Balanced, problem: Problem) -> float:
+    """Works over the period that do not add up to nothing, relative to the integrated powers."""
+    phases = balanced.event_phases % (2 * np.pi)
+    edges = np.unique(np.concatenate([np.linspace(0.0, 2 * np.pi, PIECES + 1), phases]))
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    samples = balanced.sample((middle[:, None] + half[:, None] * GAUSS[0]).ravel())
+    base, dissipated, feedback = powers(problem.system, problem.plant, samples)
+    weights = (half[:, None] * GAUSS[1]).ravel()
+    defect = abs(float((base - dissipated + feedback) @ weights))
+    through = float((np.abs(base) + np.abs(dissipated) + np.abs(feedback)) @ weights)
+    return defect / max(through, 1e-300)
+
+
+def check_by_integration(balanced: Balanced, problem: Problem, period: float) -> float:
+    """Largest deviation of a time run over one period from the balanced motion, relative.
+
+    It starts on the motion; compared are the state at the end, with the largest motion, and the
+    amplitudes.
+    """
+    from seatdyn.analysis.steady import extrema
+
+    start = balanced.start()
+    run = problem.run(0.0, period, problem.start(start))
+    if run.status is not Status.OK:
+        return float("inf")
+    n = start.size // 2
+    sizes = np.abs(run.record[:, 1 : 2 * n + 1]).max(0)
+    scales = np.repeat([sizes[:n].max(), sizes[n:].max()], n)
+    deviation = float(np.max(np.abs(run.end.y - start) / scales))
+    high, low = extrema(run)
+    ours = (balanced.look.extrema[HIGH] - balanced.look.extrema[LOW]) / 2
+    theirs = np.array([(high[name] - low[name]) / 2 for name in balanced.names])
+    moving = theirs > 0.0
+    deviations = np.abs(ours - theirs)[moving] / theirs[moving]
+    return max(deviation, float(deviations.max(initial=0.0)))
+
+
+def harmonics_of(balanced: Balanced) -> Array:
+    """Complex harmonics (o, HARMONICS + 1) of every output: those of motions are exact."""
+    n, count = balanced.system.linear.size, min(HARMONICS + 1, balanced.count)
+    look, w = balanced.look, balanced.problem.omega
+    k = 1j * w * np.arange(count)
+    samples = look.columns[:-1, : balanced.samples]
+    spectra = np.fft.rfft(samples, axis=1)[:, :count] * (2 / balanced.samples)
+    spectra[:, 0] /= 2
+    for i in range(n):
+        for order in range(3):
+            spectra[order * n + i] = look.nodes[NODES, :count, i] * k**order
+    result = np.zeros((len(balanced.names), HARMONICS + 1), complex)
+    result[:, :count] = look.rows @ spectra
+    return result
+
+
+def balanced_state(
+    balanced: Balanced, excitation: Excitation, tolerance: float, *, check: bool
+) -> xr.Dataset:
+    """The Dataset of `steady_state`; only attributes where there is no motion."""
+    import xarray as xr
+
+    period = 2 * np.pi / balanced.problem.omega
+    attributes: dict[str, Any] = {
+        "method": "hb",
+        "tolerance": tolerance,
+        "error_estimate": balanced.error,
+        "periods": 0,
+        "samples": balanced.samples,
+        "evaluations": balanced.evaluations,
+        "seatdyn_version": seatdyn.__version__,
+        "inputs": json.dumps(
+            {
+                "system": repr(balanced.system),
+                "excitation": repr(excitation),
+                "notes": excitation.notes,
+            }
+        ),
+    }
+    multipliers, slowest = balanced.floquet() if balanced.found else (np.zeros(0), np.inf)
+    status = status_of(balanced, slowest)
+    if not balanced.found or status is Status.STICKING:
+        nothing = {"status": str(status), "message": status.message, "floquet_max": np.nan}
+        return xr.Dataset(attrs=attributes | nothing)
+    problem = Problem.make(balanced.system, excitation.motion, CHECK)
+    message = status.message
+    residual = energy_residual(balanced, problem)
+    if status.valid and residual > max(WORST_RESIDUAL, 100 * tolerance):
+        status, message = Status.INCONSISTENT, Status.INCONSISTENT.message
+    if status is Status.CONVERGED:
+        largest = float(np.abs(multipliers[0]))
+        attributes |= {"floquet_max": largest, "stable": int(largest < 1.0)}
+    else:  # grazing: the motion after a small disturbance is not linear in it
+        multipliers = np.full_like(multipliers, np.nan)
+        attributes["floquet_max"] = float("nan")
+    if check:
+        deviation = check_by_integration(balanced, problem, period)
+        attributes["check_deviation"] = deviation
+        if status.valid and not deviation <= AGREEMENT * max(tolerance, balanced.error):
+            status = Status.INCONSISTENT
+            message = f"Time integration deviates by {deviation:.2g} from harmonic balance."
+    if attributes.get("stable") == 0:
+        message = f"This motion solves the equations, but it is unstable. {message}"
+    attributes |= {"status": str(status), "message": message, "energy_residual": residual}
+
+    samples = balanced.sample(2 * np.pi * np.arange(PER_PERIOD) / PER_PERIOD)
+    data = to_dataset(balanced.system, samples)
+    values = np.array(list(named_outputs(balanced.system, samples).values()))
+    high, low = balanced.look.extrema[[HIGH, LOW]]
+    fill(
+        data, balanced.names, (high - low) / 2, high, low, np.sqrt(np.mean(values**2, axis=1)),
+        harmonics_of(balanced), multipliers,
+    )  # fmt: skip
+    data.attrs = attributes
+    return data
+
+
+def fill(
+    data: xr.Dataset,
+    names: list[str],
+    amplitude: Array,
+    maximum: Array,
+    minimum: Array,
+    rms: Array,
+    harmonics: Any,
+    multipliers: Any,
+) -> None:
+    """Add what a steady state has beyond a time run."""
+    from seatdyn.analysis.outputs import output_unit
+
+    data.coords["output"] = names
+    data.coords["harmonic"] = np.arange(harmonics.shape[1])
+    data.coords["output_unit"] = ("output", [output_unit(name) for name in names])
+    note = {"units": "see output_unit"}
+    data["amplitude"] = ("output", amplitude, note)
+    data["maximum"] = ("output", maximum, note)
+    data["minimum"] = ("output", minimum, note)
+    data["rms"] = ("output", rms, note)
+    data["harmonics"] = (("output", "harmonic"), harmonics, note)
+    if multipliers is not None:
+        data["floquet_multipliers"] = ("multiplier", multipliers, {"units": "1"})
