@@ -155,6 +155,8 @@ DOUBTFUL = {
     ),
     "low rate": ({"seat": SEAT}, {}, 100.0, "nothing above 50 Hz is in it"),
     "short": ({"seat": SEAT[:1000]}, {}, RATE, "lasts 5 s; that is too short"),
+    "below a second": ({"seat": SEAT[:100]}, {}, RATE, "lasts 0.5 s, less than the 1 s of the run"),
+    "floor is seat": ({"seat": SEAT}, {"floor": {"z": "seat"}}, RATE, "are the same samples"),
 }  # fmt: skip
 
 
@@ -186,6 +188,9 @@ REFUSED = {
     ),
     "dead channel": (
         lambda: sd.assess(sd.Measurement({"seat": np.zeros(500)}, RATE)), "is constant, 0 m/s2"
+    ),
+    "time in ms": (
+        lambda: sd.assess(sd.Measurement({"seat": SEAT}, 0.2)), "has 0.2 samples per second; to be"
     ),
     "clocks": (
         lambda: sd.assess(
@@ -281,9 +286,10 @@ COMMANDS = {
     ("assess", "seat.csv", "--floor-file", "ride.csv"): "--floor-file needs --floor-column",
     ("assess", "seat.csv", "--unit", "ft"): "'ft' is not one of 'm/s2', 'g'",
     ("assess", "seat.csv", "--rate", "100"): "has a time column with 200 Hz, but a rate of 100 Hz",
+    ("assess", "seat.csv", "--column", "time"): "column 'time' is the time, and no acceleration",
     ("assess", "seat.csv", "--axis", "w"): "'w' is not one of 'x', 'y', 'z'",
     ("assess", "seat.csv", "--report", "a.txt"): "must end in .html",
-    ("assess", "seat.csv", "--exposure-time", "30"): "exposure = 108000 s is not allowed",
+    ("assess", "seat.csv", "--exposure-time", "30"): "--exposure-time = 30 h is not allowed",
     ("weighting", "Wx", "1"): "There is no weighting 'Wx'",
     ("weighting", "Wk", "one"): "HZ = 'one' is not a number",
     ("weighting", "Wk", "1e999"): "frequency = inf Hz is not allowed",

@@ -76,6 +76,15 @@ def test_layouts_of_text(layout, encoding, tmp_path):
     assert list(only.channels) == ["seat"]
 
 
+def test_decimal_commas_that_begin_after_whole_numbers(tmp_path):
+    file = tmp_path / "ride.csv"
+    rows = text(separator=";", point=",").splitlines()
+    rows[1] = "0;0;0"
+    file.write_text("\n".join(rows), encoding="utf-8")
+    record = sd.read_measurement(file)
+    np.testing.assert_allclose(record["seat"][1:], SEAT[1:], atol=1e-6)
+
+
 def test_without_header(tmp_path):
     file = tmp_path / "ride.txt"
     file.write_text(text(head=""), encoding="utf-8")
@@ -227,6 +236,17 @@ BROKEN = {
     "too large numbers": (changed(5, "0.03,1e9,1"), {}, "sample 3 is 1e+09 m/s2, beyond 1e+06"),
     "not text": ("\0\1\2" * 100, {}, "is not a text file"),
     "too short": (text(ROWS[:5]), {}, "has 5 samples; a record must have at least 8"),
+    "time as a channel": (text(), {"columns": ["time"]}, "column 'time' is the time, and no accel"),
+    "too many cells": (
+        changed(150, "1.48,0,5,1"), {}, "line 150 has 4 cells, other lines have 3; which of them"
+    ),
+    "decimal commas between commas": (
+        text().replace(".", ","), {"rate": RATE, "columns": [1]}, "has commas for decimal points"
+    ),
+    "quoted decimal commas": (
+        "seat\n" + "".join(f'"{y:.3f}"\n'.replace(".", ",") for y in SEAT), {"rate": RATE},
+        "has commas for decimal points",
+    ),
     "only time": ("time\n" + "\n".join(str(i) for i in range(20)), {}, "no channel beside"),
     "full scale of a text": (text(), {"full_scale": 1.0}, "full_scale is for WAV files only"),
 }  # fmt: skip

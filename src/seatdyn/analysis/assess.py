@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import seatdyn
-from seatdyn.errors import MeasurementWarning, RequestError, Status
+from seatdyn.errors import MeasurementError, MeasurementWarning, RequestError, Status
 from seatdyn.signals.estimators import (
     FEWEST_SEGMENTS,
     band_rms,
@@ -37,6 +37,7 @@ from seatdyn.standards.exposure import (
 )
 from seatdyn.standards.metrics import (
     AXIS_FACTORS,
+    MTVV_TIME,
     SEAT_WEIGHTINGS,
     metrics,
     running_rms,
@@ -57,6 +58,7 @@ POINTS = {
 RESOLUTION = 0.125  # Hz, of densities and transmissibility, where the record is long enough
 COARSEST = 1.0  # Hz; a record too short for it gets neither
 UPPERMOST = 80.0  # Hz, what a weighting for the whole body reaches
+LOWEST_RATE = 2.0  # Hz; a record with less holds no vibration that a person would feel
 LARGEST_DRIFT = 0.01  # s between the clocks of floor and seat
 LARGEST_DELAY = 0.5  # s; no suspension answers later
 MOST_CURVE_POINTS = 2000  # of a running r.m.s.
@@ -109,14 +111,16 @@ def assess(
     Raises
     ------
     MeasurementError
-        An unknown or constant channel, or floor and seat with different clocks.
+        An unknown or constant channel, less than 2 samples per second, or floor and seat with
+        different clocks.
     RequestError
         An unknown axis, point or weighting; an exposure outside 0 .. 24 h.
 
     Warns
     -----
     MeasurementWarning
-        A channel that looks clipped or in the wrong unit, clocks that drift apart, a low rate.
+        A channel that looks clipped or in the wrong unit, clocks that drift apart, a low rate, a
+        short record, a floor that is the seat.
 
     Examples
     --------
@@ -133,6 +137,12 @@ def assess(
     import xarray as xr
 
     channels = _channels(record, seat)
+    if record.rate < LOWEST_RATE:
+        raise MeasurementError(
+            f"The record has {record.rate:.4g} samples per second; to be assessed it needs at "
+            f"least {LOWEST_RATE:g}. If its time is in ms and does not say so, write the unit into "
+            "the header, such as 'time [ms]'."
+        )
     chosen = {**SEAT_WEIGHTINGS, **(weightings or {})}
     if point not in POINTS:
         raise RequestError(f"point = {point!r} is not known. {suggestion(str(point), POINTS)}")
@@ -148,6 +158,11 @@ def assess(
             f"The record has {record.rate:.4g} samples per second: nothing above "
             f"{record.rate / 2:.4g} Hz is in it, and the weightings reach {UPPERMOST:g} Hz."
         )
+    if record.duration < MTVV_TIME.value:
+        found.append(
+            f"The record lasts {record.duration:.3g} s, less than the {MTVV_TIME.value:g} s of "
+            "the running r.m.s.: MTVV is too small."
+        )
     if floor is not None:
         below = record if floor_record is None else floor_record
         require_same_clock(below, record)
@@ -156,6 +171,11 @@ def assess(
                 raise RequestError(f"floor has no channel of axis {axis!r}; it has {list(floor)}.")
             samples = below[floor[axis]]
             found += doubts(samples, floor[axis], below.unit)
+            if np.array_equal(samples, record[name]):
+                found.append(
+                    f"Floor {floor[axis]!r} and seat {name!r} are the same samples; choose two "
+                    "channels, or SEAT is 1 whatever the seat."
+                )
             found += _clock_doubts(samples, record[name], record.rate)
             part |= _isolation(samples, record[name], record.rate, chosen[axis], part)
     if any("density" not in part for part in parts):

@@ -20,6 +20,7 @@ from seatdyn.app.show import (
     write_table,
 )
 from seatdyn.errors import RequestError, Status
+from seatdyn.units import number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,6 +99,9 @@ def assess(
 
     plot_target(plot)
     report_target(report)
+    number(
+        exposure_time, "--exposure-time", "h", minimum=1 / HOUR, maximum=24.0, error=RequestError
+    )
     if floor_file is not None and floor_column is None:
         raise RequestError("--floor-file needs --floor-column: the channel of the floor in it.")
     options: dict[str, Any] = {

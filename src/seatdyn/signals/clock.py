@@ -45,7 +45,8 @@ def rate_of(time: Array, source: str, place: Callable[[int], str]) -> float:
         i = int(np.argmax(steps <= 0.0))
         raise MeasurementError(
             f"{source}: time goes from {time[i]:.9g} to {time[i + 1]:.9g} s after {place(i)}. "
-            "Time must increase; sort the record, remove what was stored twice, or give the rate."
+            "Time must increase: sort the record, or remove what was stored twice. If the instants "
+            "are rounded, remove them and give the rate of the instrument."
         )
     usual, unit = float(np.median(steps)), _rounding(time)
     if unit > 0.0:
@@ -62,7 +63,8 @@ def rate_of(time: Array, source: str, place: Callable[[int], str]) -> float:
     if drift > LARGEST_DRIFT / rate + unit:
         raise MeasurementError(
             f"{source}: the instants wander by {1e3 * drift:.3g} ms, {drift * rate:.3g} samples, "
-            "from an even clock. Resample the record, or give the rate of the instrument instead."
+            "from an even clock. Resample the record, or remove the instants and give the rate of "
+            "the instrument."
         )
     return rate
 
@@ -109,7 +111,8 @@ def _refuse_uneven(
     if missing < 1:
         raise MeasurementError(
             f"{source} has an uneven clock {where}: {step}; so are {np.count_nonzero(wrong)} of "
-            f"{steps.size} steps. Resample the record, or give the rate of the instrument instead."
+            f"{steps.size} steps. Resample the record, or remove the instants and give the rate of "
+            "the instrument."
         )
     raise MeasurementError(
         f"{source} has a gap {where}, samples missing: {missing}; {step}. Cut the record there, or "

@@ -143,9 +143,14 @@ def _read_text(
         wanted = [layout.index(column, source) for column in columns]
     if not wanted:
         raise MeasurementError(f"{source} has no channel beside the time column.")
+    if clock in wanted:
+        raise MeasurementError(
+            f"{source}: column {layout.names[clock]!r} is the time, and no acceleration; choose "
+            "another column."
+        )
     guess = clock is None and rate is None and not layout.has_header and len(layout.names) > 1
     if guess:
-        clock, wanted = 0, [i for i in wanted if i != 0]
+        clock, wanted = 0, [i for i in wanted if i != 0] or wanted
     used = wanted if clock is None else [*wanted, clock]
     data = read_columns(file, layout, used, MOST_SAMPLES)
     values = data.values

@@ -37,6 +37,8 @@ UNITS_WRITTEN = frozenset(
 # a header like "acc_z [m/s2]" or "Zeit (s)"
 NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
+# what is left of a decimal comma behind a separator, as of "0,052"; whole numbers do not begin so
+DECIMALS = re.compile(r"^0\d+$")
 LARGEST_SHOWN = 40  # characters of a wrong cell
 
 
@@ -147,9 +149,13 @@ def find_layout(path: Path) -> Layout:
             for place, row in enumerate(rows):
                 if len(row) != count:
                     continue
-                comma = separator != "," and any(DECIMAL_COMMA.match(cell) for cell in row)
+                comma = separator != "," and any(
+                    DECIMAL_COMMA.match(cell) for other in rows[place:] for cell in other
+                )
                 numeric = tuple(_is_number(cell, comma) for cell in row)
                 if all(numeric) or (any(numeric) and not all_numbers):
+                    if separator == ",":
+                        _refuse_two_meanings(rows[place:], place + 1, source)
                     names = tuple(str(i) for i in range(1, count + 1))
                     bare = Layout(
                         names, ("",) * count, numeric, separator, comma, place + 1, encoding, False
@@ -163,6 +169,18 @@ def find_layout(path: Path) -> Layout:
         f"{shown[1][:LARGEST_SHOWN]!r}. A row must hold numbers only, separated by comma, "
         "semicolon, tab or blanks."
     )
+
+
+def _refuse_two_meanings(rows: Sequence[Sequence[str]], first: int, source: str) -> None:
+    """Refuse commas that are decimal points too: every number would be read as two."""
+    for n, row in enumerate(rows, first):
+        # a point anywhere is the decimal point
+        if any(DECIMALS.match(cell) for cell in row) and not any("." in cell for cell in row):
+            raise MeasurementError(
+                f"{source}, line {n}: {','.join(row)[:LARGEST_SHOWN]!r} has commas for decimal "
+                "points, and no other separator between its columns. Export the file with decimal "
+                "points, or with semicolons between the columns."
+            )
 
 
 def _with_header(bare: Layout, above: Sequence[str]) -> Layout:
@@ -266,6 +284,7 @@ def _numbers(
     """One block as numbers; numpy reads it, and only where it cannot, we look for the reason."""
     text = [line.replace(",", ".") if layout.decimal_comma else line for _, line in lines]
     try:
+        _require_width(text, layout)
         values = np.loadtxt(
             text, delimiter=layout.separator, usecols=wanted, ndmin=2, comments=None, quotechar='"'
         )
@@ -282,6 +301,20 @@ def _numbers(
     return values
 
 
+def _require_width(text: Sequence[str], layout: Layout) -> None:
+    """Send rows that look too long to `_slowly`: numpy would take the wrong cells of them."""
+    most, separator = len(layout.names), layout.separator
+    for line in text:
+        # counting separators is quicker than splitting, and enough unless cells are quoted
+        cells = (
+            len(line.split())
+            if separator is None
+            else line.rstrip(f"{separator} \r\n").count(separator) + 1
+        )
+        if cells > most:
+            raise ValueError("look at every cell")
+
+
 def _slowly(
     path: Path, layout: Layout, lines: list[tuple[int, str]], wanted: Sequence[int]
 ) -> Array:
@@ -294,6 +327,11 @@ def _slowly(
             raise MeasurementError(
                 f"{where} has {len(cells)} cells; the columns asked for need {max(wanted) + 1}. "
                 "The file may be cut off, or the separator wrong; repair or remove the line."
+            )
+        if len(cells) > len(layout.names):
+            raise MeasurementError(
+                f"{where} has {len(cells)} cells, other lines have {len(layout.names)}; which of "
+                "them belong to which column is open. Repair or remove the line."
             )
         row = []
         for place in wanted:
