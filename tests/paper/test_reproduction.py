@@ -15,6 +15,7 @@ from seatdyn.paper.cases import AS_PRINTED, AS_READ, NEAR, compute_table, readin
 from seatdyn.paper.deviations import TARGET, TARGETS, table_statistics
 from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.figures import FIGURES
+from seatdyn.paper.figures_delay import OWN_FIGURES
 from seatdyn.paper.random_cases import RANDOM_READINGS
 from seatdyn.paper.random_tables import RANDOM_GROUPS, RANDOM_TABLES
 from seatdyn.paper.reproduce import reproduce
@@ -162,7 +163,7 @@ def test_the_whole_run(tmp_path):
         assert set(found) == {r.name for r in RANDOM_READINGS}
         assert all(set(groups) == set(RANDOM_GROUPS) for groups in found.values())
     assert [f.number for f in FIGURES] == [2, *range(4, 32)]
-    for figure in FIGURES:
+    for figure in (*FIGURES, *OWN_FIGURES):
         png = (tmp_path / "figures" / f"{figure.key}.png").read_bytes()
         assert png.startswith(b"\x89PNG")
         assert b"</svg>" in (tmp_path / "figures" / f"{figure.key}.svg").read_bytes()[-20:]
@@ -171,7 +172,8 @@ def test_the_whole_run(tmp_path):
     assert links
     assert all(link.startswith(("data:image/png", "#")) for link in links)
     assert not re.search(r"url\(|@import|<script", html)
-    assert html.count("<figure>") == len(FIGURES)
+    assert html.count("<figure>") == len(FIGURES) + len(OWN_FIGURES)
+    assert html.count("Not in print.") == len(OWN_FIGURES)
     for anchor in (link for link in links if link.startswith("#")):
         assert f'id="{anchor[1:]}"' in html
     verdicts = {claim["key"]: claim["verdict"] for claim in summary["claims"]}

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 DEGREE = 8  # of the polynomials that corrections of the past are made of
 PERTURBATION = 1e-4  # relative, for the monodromy operator by central differences
 LOOSE, FINER = 1e-2, 2.0  # tolerance of its runs, and how much shorter their steps are
+RESOLVED = 1e-6  # relative error of such a run; beyond it the runs are adaptive,
+ACCURACY, FINEST = 1e-2, 1e-12  # with this share of the tolerance, and not below that
 CLOSE = 1e-2  # relative change per period below which the operator is worked out
 FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
 FALLS = 0.3  # a corrected period must change the history less than this share of the one before
@@ -116,6 +118,7 @@ def find_late_orbit(
     values = history.values(state.past)
     operator: Array | None = None
     before, wait, helped = np.inf, FEWEST, True
+    uncorrected = (state, values)  # where a correction that did harm goes back to
     for count in range(together, max_periods + 1, together):
         run = problem.run(0.0, length, state)
         if run.status is not Status.OK:
@@ -140,15 +143,18 @@ def find_late_orbit(
                     return orbit
                 operator, helped = None, False  # it is left to leave this orbit
             elif end.is_held or change > max(FALLS * before, 10 * tolerance):
-                operator, wait = None, count + 4 * FEWEST
+                operator, before, wait = None, np.inf, count + 4 * FEWEST
+                state, values = uncorrected
+                continue
             else:
+                uncorrected = (end, new)
                 end = history.changed(problem, end, slow)
                 new = new + slow
         close = change < CLOSE and count >= wait
         due = helped and not end.is_held and (linear or close or count % SELDOM == 0)
         if operator is None and due:
             operator = monodromy(problem, history, end, length, scales, run.steps)
-            before = np.inf
+            before, uncorrected = np.inf, (end, new)
         else:
             before = change
         state, values = end, new
@@ -167,23 +173,29 @@ def monodromy(
 
     steps : that a run needs to be accurate
     """
-    # steps of one size, so that all runs make the same error, which cancels in their differences
+    # steps of one size make the same error in all runs, which cancels in their differences; where
+    # a steep law is too fast for them, steps must adapt
+    settings = problem.settings
     even = replace(
-        problem, settings=replace(problem.settings, rtol=LOOSE), longest_step=length / FINER / steps
+        problem, settings=replace(settings, rtol=LOOSE), longest_step=length / FINER / steps
     )
 
-    def after(change: Array) -> Array:
-        end = even.run(0.0, length, history.changed(problem, state, change)).end
+    def after(change: Array, by: LateProblem) -> Array:
+        end = by.run(0.0, length, history.changed(problem, state, change)).end
         assert isinstance(end, LateState)
         assert end.past is not None
         return history.values(end.past)
 
     size = scales.size
+    rough, exact = (after(np.zeros(size), by) for by in (even, problem))
+    if not np.max(np.abs(rough - exact) / scales) <= RESOLVED:
+        rtol = max(ACCURACY * settings.rtol, FINEST)
+        even = replace(problem, settings=replace(settings, rtol=rtol))
     operator = np.empty((size, size))
     for i in range(size):
         step = np.zeros(size)
         step[i] = PERTURBATION * scales[i]
-        operator[:, i] = (after(step) - after(-step)) / (2 * step[i])
+        operator[:, i] = (after(step, even) - after(-step, even)) / (2 * step[i])
     return operator
 
 

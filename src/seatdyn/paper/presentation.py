@@ -11,6 +11,7 @@ from seatdyn.paper.claims_text import Claim
 from seatdyn.paper.deviations import DEFINITIONS, TARGET, TARGETS, relative_deviation
 from seatdyn.paper.explanations import EXPLANATIONS
 from seatdyn.paper.figures import FIGURES
+from seatdyn.paper.figures_delay import OWN_FIGURES
 from seatdyn.paper.linear_tables import EXCEPTIONS, LinearCell
 from seatdyn.paper.misprints import excluded_cells, load_misprints
 from seatdyn.paper.presentation_random import random_overview, random_views
@@ -63,6 +64,7 @@ def report_html(
         for f in FIGURES
         if f.key in images
     ]
+    own = [{"caption": f.caption, "image": images[f.key]} for f in OWN_FIGURES if f.key in images]
     return render_report(
         "report.html",
         {
@@ -76,6 +78,7 @@ def report_html(
             "ratios": random_views(ratios, MARKED),
             "random_readings": {r.name: r.text for r in RANDOM_READINGS},
             "figures": figures,
+            "own_figures": own,
             "misprints": load_misprints(),
             "open": [claim for claim in claims if claim.verdict in ("open", "not confirmed")],
             "definitions": DEFINITIONS,

@@ -22,7 +22,8 @@ from seatdyn.paper.writing import OutputFolder
 
 Progress = Callable[[float, str], None]
 # Shares of the run after which each part is over, from its measured time.
-LINEAR_DONE, TABLES_DONE, RANDOM_DONE, CLAIMS_DONE, FIGURES_DONE = 0.01, 0.10, 0.50, 0.75, 0.98
+LINEAR_DONE, TABLES_DONE, RANDOM_DONE, CLAIMS_DONE, FIGURES_DONE = 0.01, 0.08, 0.43, 0.65, 0.85
+OWN_DONE = 0.98
 
 
 def reproduce(
@@ -87,7 +88,7 @@ def reproduce(
     images: dict[str, bytes] = {}
     if figures:
         images = _draw(folder, computed | ratios, say)
-    say(FIGURES_DONE, "Report")
+    say(OWN_DONE, "Report")
     folder.write("report.html", report_html(summary, linear, computed, ratios, claims, images))
     say(1.0, "Done")
     return summary
@@ -168,6 +169,7 @@ def _draw(
     """All figures to files; the PNGs also for the report."""
     from seatdyn.output.style import render
     from seatdyn.paper.figures import FIGURES
+    from seatdyn.paper.figures_delay import OWN_FIGURES
 
     images = {}
     for k, figure in enumerate(FIGURES):
@@ -177,4 +179,11 @@ def _draw(
         folder.write(f"figures/{figure.key}.png", png)
         folder.write(f"figures/{figure.key}.svg", svg)
         images[figure.key] = png
+    for k, own in enumerate(OWN_FIGURES):
+        share = FIGURES_DONE + (OWN_DONE - FIGURES_DONE) * k / len(OWN_FIGURES)
+        say(share, "Reaction delay (not in print)")
+        png, svg = render(own.draw)
+        folder.write(f"figures/{own.key}.png", png)
+        folder.write(f"figures/{own.key}.svg", svg)
+        images[own.key] = png
     return images
