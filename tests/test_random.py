@@ -135,11 +135,15 @@ def test_interrupted_run_is_taken_up_again(tmp_path):
     assert shares == [0.75, 1.0]
     whole = sd.random_response(system, motion, realisations=64)
     assert np.array_equal(resumed["member_rms"], whole["member_rms"])
-    with pytest.raises(sd.RequestError, match="another request"):
+    with pytest.raises(sd.RequestError, match=r"excitation was .*7, .* is .*seed=8") as caught:
         sd.random_response(system, dataclasses.replace(motion, seed=8), checkpoint=file)
-    file.write_bytes(b"broken")
-    with pytest.raises(sd.RequestError, match="cannot be read"):
-        sd.random_response(system, motion, checkpoint=file)
+    assert "system" not in str(caught.value)
+    with pytest.raises(sd.RequestError, match="another request: another system"):
+        sd.random_response(paper_system(*LAWS["quadratic"]), motion, checkpoint=file)
+    for broken in (b"broken", b"", file.read_bytes()[:300]):  # a copy that was cut off, too
+        file.write_bytes(broken)
+        with pytest.raises(sd.RequestError, match="cannot be read"):
+            sd.random_response(system, motion, checkpoint=file)
     with pytest.raises(sd.OutputError, match="cannot be written"):
         sd.random_response(system, motion, realisations=16, checkpoint=tmp_path / "no" / "a.npz")
 

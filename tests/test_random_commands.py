@@ -95,6 +95,7 @@ def test_linear_answers_hold_the_exact_value():
 def test_inputs(options, rms):
     got = answer("random", "--duration", 10, "--realisations", 2, "--input", *options)
     assert got["input"]["rms"] == pytest.approx(rms)
+    assert 0.0 < got["input"]["band"][0] < got["input"]["band"][1]
     assert got["rms"]["acc_base"]["value"] == pytest.approx(rms, rel=0.3)
 
 

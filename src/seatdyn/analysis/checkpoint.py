@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +15,14 @@ from seatdyn.errors import OutputError, RequestError
 
 Array = NDArray[np.float64]
 
+LONGEST_SHOWN = 160  # characters of a value in a message
+
 
 class Checkpoint:
     """One file, replaced as a whole after every block."""
 
     def __init__(self, path: str | Path, identity: str) -> None:
-        """Keep where it is and what it has to belong to."""
+        """Keep where it is and what it has to belong to, a JSON object."""
         self.path = Path(path)
         self.identity = identity
         if self.path.suffix != ".npz":
@@ -32,15 +37,15 @@ class Checkpoint:
         try:
             with np.load(self.path, allow_pickle=False) as stored:
                 identity, blocks = str(stored["identity"]), stored["blocks"]
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise RequestError(
                 f"checkpoint = {str(self.path)!r} cannot be read: {error}. Remove it, or name "
                 "another file."
             ) from None
         if identity != self.identity:
             raise RequestError(
-                f"checkpoint = {str(self.path)!r} belongs to another request: {identity}; this one "
-                f"is {self.identity}. Remove it, or name another file."
+                f"checkpoint = {str(self.path)!r} belongs to another request: "
+                f"{_difference(identity, self.identity)}. Remove it, or name another file."
             )
         return list(blocks)
 
@@ -57,3 +62,15 @@ class Checkpoint:
                 f"The checkpoint {str(self.path)!r} cannot be written: {error.strerror}. What was "
                 "there is unchanged; free some space or name another place."
             ) from None
+
+
+def _difference(stored: str, asked: str) -> str:
+    """What two requests do not share; a long text, such as a system, by name only."""
+    before, now = json.loads(stored), json.loads(asked)
+    differs = []
+    for name, value in now.items():
+        old = before.get(name)
+        if old != value:
+            short = max(len(str(old)), len(str(value))) <= LONGEST_SHOWN
+            differs.append(f"{name} was {old}, is {value}" if short else f"another {name}")
+    return "; ".join(differs)

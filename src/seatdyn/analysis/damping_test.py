@@ -84,7 +84,7 @@ def damping_test(
         if not stops:
             raise RequestError(
                 "travel is needed: the suspension has no end stops to measure it between. Give it "
-                "in m, such as damping_test(seat, travel=0.1)."
+                "in m, such as damping_test(seat, travel=0.1), or --travel 0.1."
             )
         travel = float(clearances(stops).sum())
     travel = number(travel, "travel", "m", above=0.0, maximum=1.0, error=RequestError)

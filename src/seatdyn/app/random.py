@@ -52,7 +52,7 @@ def random(
         float | None,
         number_option(
             "--level",
-            "R.m.s. base acceleration, m/s2.",
+            "R.m.s. base acceleration, m/s2, over the whole band of the input.",
             panel=MOTION,
             default="of class or road; needed for a narrow band",
         ),
@@ -183,7 +183,11 @@ def _random_answer(
         "exact": exact,
         "range": by_output(lowest="lowest", highest="highest"),
         "unit": dict(zip(names, data.output_unit.values.tolist(), strict=True)),
-        "input": {"name": repr(spectrum), "rms": spectrum.acceleration_rms()},
+        "input": {
+            "name": repr(spectrum),
+            "rms": spectrum.acceleration_rms(),
+            "band": [spectrum.low, spectrum.high],
+        },
         "realisations": attrs["realisations"],
         "confidence": attrs["confidence"],
         "duration": attrs["duration_s"],
@@ -204,7 +208,8 @@ def _tell_random(data: xr.Dataset, spectrum: Spectrum, exact: dict[str, float] |
     write_table("Random response", [*head, "unit"], list(rows))
     attrs = data.attrs
     write_line(
-        f"base {spectrum.acceleration_rms():.4g} m/s2 r.m.s.; {attrs['realisations']} realisations "
+        f"base {spectrum.acceleration_rms():.4g} m/s2 r.m.s. in {spectrum.low:.4g} .. "
+        f"{spectrum.high:.4g} Hz; {attrs['realisations']} realisations "
         f"of {attrs['duration_s']:g} s after {attrs['settle_s']:.3g} s, seed {attrs['seed']}; "
         f"{100 * attrs['confidence']:g} % intervals; error of the time step about "
         f"{attrs['step_error']:.1g}"
