@@ -56,6 +56,7 @@ _WHERE = {
     "seatdyn.analysis.transient": "simulate",
     "seatdyn.analysis.static": "static_equilibrium adjust_ride_height settled",
     "seatdyn.analysis.steady": "steady_state",
+    "seatdyn.analysis.batch": "steady_states",
     "seatdyn.signals.measurement": "Measurement",
     "seatdyn.signals.files": "read_measurement",
     "seatdyn.analysis.random": "random_response rms_ratio",
