@@ -38,7 +38,9 @@ POINTS = {
     "seat_surface": "seat surface, between cushion and occupant",
 }
 SIDES = ("bump", "rebound")
-LEAST_COHERENCE = 0.2  # below it a transmissibility is drawn pale: it is mostly estimation error
+LEAST_COHERENCE = (
+    0.5  # below it a transmissibility is drawn pale: most of the motion is not from the platform
+)
 FACTORS = {"seat_rms": "SEAT factor, r.m.s.", "seat_vdv": "SEAT factor, VDV"}
 PER_SIDE = {  # variable: words, unit for people, factor
     "travel_max": ("largest travel", "mm", MILLI),
