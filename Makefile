@@ -59,6 +59,7 @@ check: $(VENV)/.check
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/stability_map.py
 	$(BIN)/python benchmarks/time_response.py
+	$(BIN)/python benchmarks/random_response.py
 	$(BIN)/python benchmarks/delay.py
 
 docs: $(VENV)/.docs
