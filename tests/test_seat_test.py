@@ -339,6 +339,18 @@ def test_every_frequency_is_a_steady_state():
     assert float(test.transmissibility.sel(frequency=f)) == pytest.approx(wanted, rel=1e-6)
 
 
+def test_a_sine_at_the_resonance_of_a_linear_part_without_damping():
+    """There its dynamic stiffness is zero; what damps is not linear, and the answer is smooth."""
+    system = oscillator(sd.Spring(9500.0), sd.AsymmetricDamper(250.0, 450.0), mass=95.0)
+    f0 = math.sqrt(9500.0 / 95.0) / (2 * math.pi)
+    levels = []
+    for frequency in (f0, f0 * (1 + 1e-7)):
+        state = sd.steady_state(system, sd.Sine(frequency, amplitude=1.0))
+        assert state.attrs["status"] == "converged"
+        levels.append(float(state.rms.sel(output="acc_seat")))
+    assert levels[0] == pytest.approx(levels[1], rel=1e-5)
+
+
 def test_a_stop_that_is_hit_moves_the_resonance_up():
     bare = [sd.Spring(9500.0), sd.Damper(250.0)]
     free = sd.damping_test(sd.Seat(20.0, bare), travel=0.06)

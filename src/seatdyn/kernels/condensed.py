@@ -169,6 +169,8 @@ def solve_complex(matrix, size, columns):
         if p != i:
             for c in range(i, width):
                 matrix[i, c], matrix[p, c] = matrix[p, c], matrix[i, c]
+        if matrix[i, i] == 0.0:  # no answer; what comes of it is not finite, and is refused
+            matrix[i, i] = np.nan
         inverse = 1.0 / matrix[i, i]
         for k in range(i + 1, size):
             f = matrix[k, i] * inverse
