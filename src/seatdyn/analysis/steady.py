@@ -271,7 +271,7 @@ def find_orbit(
                 multiplier=rate,
                 periods=count,
             )
-        order = _repeats_after(past, run, tolerance, _scales(problem, run))
+        order = _repeats_after(past, run, tolerance, orbit_scales(problem, run))
         if order:
             return Orbit(Status.SUBHARMONIC, period, periods=count, order=order)
         past.append(state.y)
@@ -312,7 +312,7 @@ def is_affine(element: NonlinearElement) -> bool:
     return isinstance(element, CoulombFriction) and element.force == 0.0
 
 
-def _scales(problem: Problem, run: Run) -> Array:
+def orbit_scales(problem: Problem, run: Run) -> Array:
     """Largest displacement and velocity of the run, as a vector over the state."""
     n = problem.system.linear.size
     z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
@@ -323,7 +323,7 @@ def _scales(problem: Problem, run: Run) -> Array:
 
 def _change(problem: Problem, start: State, run: Run) -> float:
     """Change of the state over the run, relative to its largest motion."""
-    return float(np.max(np.abs(run.end.y - start.y) / _scales(problem, run)))
+    return float(np.max(np.abs(run.end.y - start.y) / orbit_scales(problem, run)))
 
 
 def _newton(
@@ -337,7 +337,7 @@ def _newton(
         run = problem.run(0.0, period, problem.start(y))
         if run.status is not Status.OK or run.end.is_held:
             return None
-        scales = _scales(problem, run)
+        scales = orbit_scales(problem, run)
         residual = float(np.max(np.abs(run.end.y - y) / scales))
         if step and residual <= tolerance:
             multiplier = float(np.max(np.abs(np.linalg.eigvals(jacobian))))
@@ -434,7 +434,7 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     spectrum[:, 1:] *= 2
     multipliers = None
     if type(problem) is Problem:  # with delays or states of elements a state is more than this
-        scales = _scales(problem, orbit.run)
+        scales = orbit_scales(problem, orbit.run)
         start = orbit.run.record[0, 1 : 1 + scales.size]
         jacobian = _period_map(problem, orbit.period, orbit.run, start, scales)
         multipliers = sorted_multipliers(jacobian)

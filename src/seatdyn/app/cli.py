@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 import seatdyn
+from seatdyn.app import curve as curves
 from seatdyn.app import linear, random, response, standards
 from seatdyn.app.bodies import bodies
 from seatdyn.app.options import option, spread
@@ -162,6 +163,7 @@ EXAMPLES: dict[Callable[..., None], str] = {
     linear.stability: "stability --seat-mass-range 5 60 200 --damping-range 0 500 200",
     linear.critical: "critical --vary seat-mass --range 1 100",
     linear.delay_margin: "delay-margin --delayed suspension --json",
+    curves.curve: "curve --level 0.3 --level 0.6 --frequency 1 2 --quadratic 500 --plot curve.png",
     response.steady: "steady --frequency 1.55 --amplitude 0.8857 --quadratic 100",
     response.simulate: "simulate --frequency 2 --rms 0.5 --duration 10 --out run.nc",
     random.random: "random --input EM3 --duration 60 --realisations 32 --seed 1 --coulomb 50",

@@ -11,6 +11,7 @@ import numpy as np
 from seatdyn.errors import OutputError
 from seatdyn.output.assessment import draw_assessment, draw_comparison
 from seatdyn.output.bodies import draw_bodies
+from seatdyn.output.curves import draw_curves
 from seatdyn.output.files import require_dataset, writable, write_whole
 from seatdyn.output.random import draw_random
 from seatdyn.output.seat_test import draw_damping_test, draw_seat_test
@@ -40,8 +41,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
     Parameters
     ----------
     dataset : result of `simulate`, `steady_state`, `frequency_response`, `stability_map`, `poles`,
-        `zeros`, `compare_bodies`, `assess`, `compare_bands`, `random_response`, `seat_test` or
-        `damping_test`, computed or loaded
+        `zeros`, `compare_bodies`, `assess`, `compare_bands`, `random_response`, `seat_test`,
+        `damping_test`, `response_curve` or `parameter_curve`, computed or loaded
     path : also write the picture there, ``.png`` (1200 px wide), ``.svg`` or ``.pdf``
     title : over the picture
 
@@ -72,6 +73,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         draw_seat_test(figure, dataset)
     elif "inert_mass_kg" in dataset.attrs:
         draw_damping_test(figure, dataset)
+    elif "event_kind" in names:
+        draw_curves(figure, dataset)
     elif "member_rms" in names:
         draw_random(figure, dataset)
     elif "weighted_rms" in names:
@@ -97,8 +100,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         raise OutputError(
             f"This Dataset cannot be drawn: {why} (variables {sorted(map(str, names))}). Give a "
             "valid result of simulate, steady_state, frequency_response, stability_map, poles, "
-            "zeros, compare_bodies, assess, compare_bands, random_response, seat_test or "
-            "damping_test."
+            "zeros, compare_bodies, assess, compare_bands, random_response, seat_test, "
+            "damping_test, response_curve or parameter_curve."
         )
     if title:
         figure.suptitle(title)
