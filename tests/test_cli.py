@@ -179,15 +179,15 @@ def test_steady():
 def test_steady_by_each_method():
     options = ("steady", *LEVEL, "--quadratic", 100)
     auto, balanced, timed = (
-        answer(*options),
-        *(answer(*options, "--method", method) for method in ("hb", "time")),
+        answer(*options, "--method", method) for method in ("auto", "hb", "time")
     )
     assert [got["method"] for got in (auto, balanced, timed)] == ["hb", "hb", "time"]
     assert all(got["stable"] is True for got in (auto, balanced, timed))
     assert 0.0 < auto["error_estimate"] < 1e-9 < balanced["error_estimate"] < 1e-6
     for name, value in timed["amplitude"].items():
         assert auto["amplitude"][name] == pytest.approx(value, rel=1e-7)
-    assert "harmonic balance, stable" in run(*options).stdout
+    assert "harmonic balance, stable" in run(*options, "--method", "auto").stdout
+    assert answer(*options)["method"] == "time"
     coarse = run(*options, "--method", "hb", "--tolerance", 1e-14, "--json", code=3)
     assert strict(coarse.stdout)["status"] == "not_accurate"
 

@@ -58,7 +58,7 @@ def steady_state(
     system: SeatSystem,
     excitation: Excitation,
     *,
-    method: Literal["auto", "hb", "time"] = "auto",
+    method: Literal["auto", "hb", "time"] = "time",
     tolerance: float | None = None,
     check: bool = False,
     max_periods: int = 5000,
@@ -74,7 +74,8 @@ def steady_state(
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
     inside the unit circle) and repeats within `tolerance` when integrated once more.
 
-    "auto" is "hb" where that reaches the tolerance on a stable motion, else "time".
+    "auto" is "hb" where that reaches the tolerance on a stable motion, else "time". It is not the
+    default: the kernels of harmonic balance take longest to compile on a fresh installation.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def steady_state(
     >>> system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
     >>> state = sd.steady_state(system, sd.Sine(1.55, amplitude=0.8857))
     >>> round(float(state.amplitude.sel(output="acc_seat")), 5), state.attrs["method"]
-    (4.01629, 'hb')
+    (4.01629, 'time')
     """
     check_request(system, excitation)
     if method not in ("auto", "hb", "time"):

@@ -47,7 +47,7 @@ def steady(
             panel="Request",
             default=True,
         ),
-    ] = Method.AUTO,
+    ] = Method.TIME,
     tolerance: Annotated[
         float | None,
         number_option(
