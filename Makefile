@@ -57,10 +57,7 @@ check: $(VENV)/.check
 	$(BIN)/mypy
 
 bench: $(VENV)/.bench
-	$(BIN)/python benchmarks/stability_map.py
-	$(BIN)/python benchmarks/time_response.py
-	$(BIN)/python benchmarks/random_response.py
-	$(BIN)/python benchmarks/delay.py
+	$(BIN)/python benchmarks/table.py
 
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build

@@ -24,6 +24,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import numpy as np
+from rows import Row, write
 from scipy.fft import irfft, next_fast_len
 from scipy.integrate import solve_ivp
 
@@ -181,6 +182,7 @@ def main():
     """Print the tables; write them where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--json", metavar="FILE")
+    parser.add_argument("--rows", metavar="FILE")
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=600.0)
     options = parser.parse_args()
@@ -221,6 +223,20 @@ def main():
         "\nthem; as chosen, a linear system is stepped from node to node. Displacement, velocity,"
         f"\nacceleration by inverse FFTs at 1 kHz cost {plain_generation(options):.0f} ms."
     )
+    if options.rows:
+        limit = "calls of the laws; the linear part runs in vector registers"
+        write(
+            [
+                Row(
+                    f"{options.seconds:g} s random, {row['case']}, gathered at {row['gathered']}",
+                    1e-3 * (row["generation_ms"] + row["integration_ms"]), "SciPy RK45",
+                    row["scipy_s"], row["error"], row["scipy_error"], 300, limit,
+                )
+                for row in rows
+                if "scipy_s" in row
+            ],
+            options.rows,
+        )  # fmt: skip
     if options.json:
         Path(options.json).write_text(json.dumps(rows, indent=1), encoding="utf-8")
 

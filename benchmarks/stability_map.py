@@ -16,6 +16,7 @@ os.environ["MKL_NUM_THREADS"] = "1"
 
 import control
 import numpy as np
+from rows import Row, write
 
 import seatdyn as sd
 from seatdyn.analysis.stability import stability_points
@@ -66,6 +67,7 @@ def peer_loop(system, columns):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rows", metavar="FILE")
     parser.add_argument("--json", type=Path, metavar="FILE")
     arguments = parser.parse_args()
     rng = np.random.default_rng(11)
@@ -109,6 +111,23 @@ def main():
             f"{row['disagree_hurwitz_poles']} of {points}, poles and python-control "
             f"{row['disagree_poles_control']} of {PEER_POINTS}"
         )
+    if arguments.rows:
+        limits = {
+            "hurwitz": "arithmetic of six coefficients a point",
+            "poles": "LAPACK's eigenvalues of small matrices",
+        }
+        write(
+            [
+                Row(
+                    f"stability of a point, {body}, {method}", 1 / row["rates"][method],
+                    "python-control", 1 / row["rates"]["control"],
+                    0.0, 0.0, target, limits[method],
+                )
+                for body, row in report.items()
+                for method, target in TARGETS.items()
+            ],
+            arguments.rows,
+        )  # fmt: skip
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
 
