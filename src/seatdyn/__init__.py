@@ -60,6 +60,7 @@ _WHERE = {
     "seatdyn.signals.measurement": "Measurement",
     "seatdyn.signals.files": "read_measurement",
     "seatdyn.analysis.curves": "response_curve parameter_curve backbone",
+    "seatdyn.analysis.lockup": "lockup_boundary",
     "seatdyn.analysis.random": "random_response rms_ratio",
     "seatdyn.analysis.seat_test": "seat_test",
     "seatdyn.analysis.damping_test": "damping_test",
