@@ -273,6 +273,3 @@ def test_too_coarse_is_said(sine):
 def test_bad_requests(sine):
     with pytest.raises(sd.RequestError, match="method = 'newton' is not allowed"):
         sd.steady_state(paper_system(), sine, method="newton")
-    late = paper_system().delayed(0.01)
-    with pytest.raises(sd.RequestError, match=r"0\.01 s late"):
-        sd.steady_state(late, sine, method="hb")

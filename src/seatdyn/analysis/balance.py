@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.delay_orbit import late_multipliers, late_state
+from seatdyn.analysis.delay_time import LateProblem, LateState, late_forces
 from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.run import Samples, interruptible
+from seatdyn.analysis.run import Samples, Settings, interruptible
 from seatdyn.errors import RequestError
 from seatdyn.kernels import floquet, levels, orbit
 from seatdyn.kernels.balance import CONVERGED
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.condensed import (
+    CHANNEL,
     KEPT,
     MOST_EVENTS,
     OVERSAMPLING,
@@ -29,12 +32,13 @@ from seatdyn.kernels.dense import element_forces
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE
 from seatdyn.kernels.orbit import Look, make_look
-from seatdyn.model.excitation import Excitation, Motion
+from seatdyn.model.excitation import DEGREES, Excitation, Motion
 from seatdyn.model.system import SeatSystem
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 FEWEST_SAMPLES, GUESSED_SAMPLES, MOST_SAMPLES = 64, 128, 4096  # of a period
+DELAYED = Settings(rtol=1e-9)  # of the runs for the multipliers of a system with delays
 SAME_FREQUENCY = 1e-9  # relative: how near a sine must be to a multiple of 1/period
 
 
@@ -61,7 +65,7 @@ def condense(system: SeatSystem, excitation: Excitation) -> Condensed | None:
     base = base_harmonics(excitation.motion, excitation.period)
     if base is None:
         return None
-    plant = lower(system, excitation.motion)
+    plant = lower(system, excitation.motion, delays=True)
     n = system.linear.size
     damped = plant.linear[:, n : 2 * n] @ plant.pull
     with_base = np.vstack([damped, np.zeros(damped.shape[1])])
@@ -70,20 +74,36 @@ def condense(system: SeatSystem, excitation: Excitation) -> Condensed | None:
         plant.linear, plant.pull, plant.gain, damped, with_base[second] - with_base[first],
         plant.channels, plant.elements, plant.parameters, plant.breaks, base,
         np.array([channel.delay for channel in system.channels]), np.ones(2),
-        2 * math.pi / excitation.period,
+        2 * math.pi / excitation.period, np.array(system.delays), late_forces(system),
     )  # fmt: skip
 
 
 def output_rows(system: SeatSystem) -> tuple[list[str], Array]:
-    """Names of the outputs, and each as a combination of what a sample holds, (o, 3N + e + 3)."""
+    """Names of the outputs, and each as a combination of the C columns of a sample, (o, C)."""
     n, e = system.linear.size, sum(len(channel.elements) for channel in system.channels)
-    unit = np.eye(3 * n + e + 3)
-    samples = Samples(
-        np.zeros(len(unit)), unit[-3:], unit[:, :n], unit[:, n : 2 * n], unit[:, 2 * n : 3 * n],
-        unit[:, 3 * n : 3 * n + e], np.zeros((len(unit), e)),
-    )  # fmt: skip
-    outputs = named_outputs(system, samples)
+    unit = np.eye(3 * n + e + 3 + len(system.delays) * (2 * n + 2))
+    outputs = named_outputs(system, samples_of(system, unit, np.zeros(len(unit))))
     return list(outputs), np.array(list(outputs.values()))
+
+
+def samples_of(system: SeatSystem, columns: Array, time: Array) -> Samples:
+    """Columns (p, C) of the kernels as samples, what delayed forces see included.
+
+    Forces are those that act, also in the samples of the past, whose forces act now.
+    """
+    n, e = system.linear.size, sum(len(channel.elements) for channel in system.channels)
+    z, v, a, force = np.split(columns[:, : 3 * n + e], [n, 2 * n, 3 * n], axis=1)
+    base, unknown = 3 * n + e, np.full_like(z, np.nan)
+    past = []
+    for g, delay in enumerate(system.delays):
+        first = base + 3 + g * (2 * n + 2)
+        then = columns[:, first : first + 2 * n + 2].T
+        still = np.stack([then[2 * n], then[2 * n + 1], np.zeros(len(columns))])
+        past.append(
+            Samples(time - delay, still, then[:n].T, then[n : 2 * n].T, unknown, force, force)
+        )
+    present = columns[:, base : base + 3].T
+    return Samples(time, present, z, v, a, force, np.zeros_like(force), past=tuple(past))
 
 
 @dataclass(frozen=True)
@@ -125,23 +145,28 @@ class Balanced:
         return result
 
     @property
-    def event_phases(self) -> Array:
+    def crossing_phases(self) -> Array:
         """Phases of the breaks of laws that the motion meets, rad."""
         events = self.work.events[PRESENT]
         return np.asarray(events[: int(events[MOST_EVENTS, 0]), PHASE])
 
+    @property
+    def event_phases(self) -> Array:
+        """Phases at which forces jump or have a corner, rad."""
+        phases = self.crossing_phases
+        channels = self.work.events[PRESENT, : phases.size, CHANNEL].astype(int)
+        return np.asarray(phases + self.problem.omega * self.problem.lag[channels])
+
     def sample(self, phases: Array) -> Samples:
         """The motion at phases in rad, as a time run gives it."""
         columns = self.at(np.ascontiguousarray(phases))
-        n, e = self.system.linear.size, self.problem.elements.shape[0]
-        z, v, a, force = np.split(columns[:, : 3 * n + e], [n, 2 * n, 3 * n], axis=1)
-        base = columns[:, 3 * n + e :].T
+        samples = samples_of(self.system, columns, phases / self.problem.omega)
+        z, base = samples.displacement, samples.base
         elastic = [
             element_forces(self.problem, j, self._across(z, base[0], j), np.zeros(len(z)))
             for j in range(len(self.system.channels))
         ]
-        time = phases / self.problem.omega
-        return Samples(time, base, z, v, a, force, np.column_stack([*elastic, z[:, :0]]))
+        return samples._replace(elastic=np.column_stack([*elastic, z[:, :0]]))
 
     def in_period(self) -> Samples:
         """The motion at its samples, where it was found."""
@@ -155,13 +180,35 @@ class Balanced:
     def floquet(self) -> tuple[NDArray[np.complex128], float]:
         """Floquet multipliers, largest first, and the slowest crossing of a jump.
 
-        The latter is relative to the fastest motion; negative where the motion would stick.
+        The latter is relative to the fastest motion; negative where the motion would stick, and
+        infinite, that is not looked at, with delays.
         """
+        if self.system.delays:
+            late = LateProblem.make(self.system, self.motion, DELAYED)
+            period = 2 * math.pi / self.problem.omega
+            return late_multipliers(late, self.late_start(late), period), math.inf
         n, m = self.problem.pull.shape
         space, slopes = np.zeros((6, 2 * n, 2 * n)), np.zeros((3, 4, m))
         with CompileNotice():
             slowest = floquet.monodromy(self.problem, self.work, self.samples, 1, space, slopes)
         return sorted_multipliers(space[0]), float(slowest)
+
+    @property
+    def motion(self) -> Motion:
+        """The base motion."""
+        base, omega = self.problem.base, self.problem.omega
+        sines = [(abs(x), k * omega, np.angle(x) + np.pi / 2) for k, x in enumerate(base) if k]
+        constant = np.zeros((1, DEGREES))
+        constant[0, 0] = base[0].real
+        return Motion(polynomials=constant, sines=np.array(sines).reshape(-1, 3))
+
+    def late_start(self, problem: LateProblem) -> LateState:
+        """State at t = 0 of a system with delays, with the past that it needs."""
+        omega = self.problem.omega
+        breaks = np.concatenate([self.event_phases, self.crossing_phases]) % (2 * np.pi)
+        turns = np.arange(-1.0 - problem.longest_delay * omega // (2 * np.pi), 1.0)
+        times = (breaks[:, None] + 2 * np.pi * turns) / omega
+        return late_state(problem, lambda t: self.sample(omega * t), times.ravel())
 
     def start(self) -> Array:
         """State at t = 0: displacements, then velocities, (2N,)."""

@@ -12,22 +12,27 @@ are.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState, Past
-from seatdyn.analysis.run import Run
+from seatdyn.analysis.delay_time import START, LateProblem, LateRun, LateState, Past
+from seatdyn.analysis.run import Run, Samples
 from seatdyn.errors import Status
-from seatdyn.kernels.columns import FIRST, SECOND
+from seatdyn.kernels.columns import BREAKS, FIRST, ON_DISPLACEMENT, ON_VELOCITY, SECOND, VALUE
+from seatdyn.kernels.plant import FREE
 
 Array = NDArray[np.float64]
 DEGREE = 8  # of the polynomials that corrections of the past are made of
-PERTURBATION = 1e-4  # relative, for the monodromy operator by central differences
+# Relative, for the monodromy operator by central differences, with even and adaptive steps.
+PERTURBATION, COARSE = 1e-5, 1e-4
+ROWS = 32  # of the past that are changed, at least
 LOOSE, FINER = 1e-2, 2.0  # tolerance of its runs, and how much shorter their steps are
 RESOLVED = 1e-6  # relative error of such a run; beyond it the runs are adaptive,
 ACCURACY, FINEST = 1e-2, 1e-12  # with this share of the tolerance, and not below that
+PIECES, BESIDE = 128, 1e-10  # of the past of a known motion; s beside a break
 CLOSE = 1e-2  # relative change per period below which the operator is worked out
 FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
 FALLS = 0.3  # a corrected period must change the history less than this share of the one before
@@ -136,6 +141,8 @@ def find_late_orbit(
             slow = operator @ np.linalg.solve(identity - operator, residual)
             left = float(np.max(np.abs(slow) / scales))
             if change <= tolerance and left <= tolerance:
+                if not linear:  # the operator was that of a motion nearby
+                    operator = monodromy(problem, history, end, length, scales, run.steps)
                 multipliers = _multipliers(operator, together)
                 if abs(multipliers[0]) < 1.0:
                     orbit = LateOrbit(Status.CONVERGED, count, problem.run(0.0, period, end))
@@ -186,15 +193,17 @@ def monodromy(
         assert end.past is not None
         return history.values(end.past)
 
-    size = scales.size
+    size, share = scales.size, PERTURBATION
+    assert state.past is not None
+    state = replace(state, past=state.past.refined(history.span / ROWS))
     rough, exact = (after(np.zeros(size), by) for by in (even, problem))
     if not np.max(np.abs(rough - exact) / scales) <= RESOLVED:
         rtol = max(ACCURACY * settings.rtol, FINEST)
-        even = replace(problem, settings=replace(settings, rtol=rtol))
+        even, share = replace(problem, settings=replace(settings, rtol=rtol)), COARSE
     operator = np.empty((size, size))
     for i in range(size):
         step = np.zeros(size)
-        step[i] = PERTURBATION * scales[i]
+        step[i] = share * scales[i]
         operator[:, i] = (after(step, even) - after(-step, even)) / (2 * step[i])
     return operator
 
@@ -213,3 +222,60 @@ def _scales(problem: LateProblem, history: History, run: Run) -> Array:
     v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
     pairs = DEGREE * history.nodes.size
     return np.repeat([z, v, z, v], [n, n, pairs, pairs])
+
+
+def late_state(
+    problem: LateProblem, motion: Callable[[Array], Samples], breaks: Array
+) -> LateState:
+    """State at t = 0 with the past of a known periodic motion.
+
+    motion : samples at times in s
+    breaks : times in s where a force jumps or has a corner, or a law is on a break
+    """
+    span = problem.longest_delay
+    inside = breaks[(breaks > -span) & (breaks < 0.0)]
+    grid = np.linspace(-span, 0.0, PIECES + 1)
+    times = np.unique(np.concatenate([grid, inside]))
+    times = times[np.concatenate([[True], np.diff(times) > 2 * BESIDE])]
+    times[-1] = 0.0
+    here, after, before = (motion(times + shift) for shift in (0.0, BESIDE, -BESIDE))
+    left = np.vstack([before.acceleration[1:], after.acceleration[-1:]])
+    record = np.column_stack([times, here.displacement, here.velocity, after.acceleration, left])
+    middle = motion(0.5 * (times + np.append(times[1:], times[-1] + BESIDE)))
+    sides = sides_along(problem, middle)
+    held = np.full((times.size, problem.plant.gain.shape[0]), FREE)
+    marks = np.column_stack([sides, held, np.zeros(times.size)]).astype(np.int64)
+    ahead = [(t + d, START) for d in problem.system.delays for t in (*inside, 0.0) if t + d > 0.0]
+    ahead.sort()
+    past = Past(record, marks, np.array([t for t, _ in ahead]), np.array([q for _, q in ahead]))
+    fresh = problem.start(record[-1, 1 : 2 * problem.system.linear.size + 1])
+    return LateState(fresh.y, fresh.side, fresh.held, past)
+
+
+def sides_along(problem: LateProblem, samples: Samples) -> NDArray[np.int64]:
+    """Side of every break, (p, b), at samples of a motion."""
+    plant = problem.plant
+    z = np.column_stack([samples.displacement, samples.base[0]])
+    v = np.column_stack([samples.velocity, samples.base[1]])
+    sides = np.ones((len(z), plant.breaks.shape[0]), dtype=np.int64)
+    for j in range(plant.gain.shape[0]):
+        first, second = plant.channels[j, [FIRST, SECOND]]
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            p, q, value = plant.breaks[r, [ON_DISPLACEMENT, ON_VELOCITY, VALUE]]
+            distance = p * (z[:, second] - z[:, first]) + q * (v[:, second] - v[:, first]) - value
+            sides[:, r] = np.where(distance > 0.0, 1, -1)
+    return sides
+
+
+def late_multipliers(
+    problem: LateProblem, state: LateState, period: float
+) -> NDArray[np.complex128]:
+    """Floquet multipliers of the periodic motion that starts from a state, largest first."""
+    history = History(problem)
+    together = max(1, math.ceil(problem.longest_delay / period))
+    run = problem.run(0.0, together * period, state)
+    if run.status is not Status.OK:
+        return np.full(1, np.nan + 0j)
+    scales = _scales(problem, history, run)
+    operator = monodromy(problem, history, state, together * period, scales, run.steps)
+    return _multipliers(operator, together)

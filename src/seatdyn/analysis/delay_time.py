@@ -90,6 +90,24 @@ class Past:
         v = (v0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
         return z, v, (k0 + s * (6 * p3 + s * (12 * p4 + s * 20 * p5))) / h**2
 
+    def refined(self, longest: float) -> Past:
+        """The same with rows of at most `longest` s, so that it can be changed in between."""
+        starts, ends = self.record[:-1, 0], self.record[1:, 0]
+        parts = np.maximum(np.ceil((ends - starts) / longest), 1).astype(int)
+        row = np.repeat(np.arange(parts.size), parts)
+        share = np.arange(row.size) - np.repeat(np.cumsum(parts) - parts, parts)
+        times = starts[row] + (ends - starts)[row] * share / parts[row]
+        record = self.record[np.append(row, len(parts))].copy()
+        n = (record.shape[1] - 1) // 4
+        inside = np.flatnonzero(share > 0)
+        record[inside, 0] = times[inside]
+        record[inside, 1 : 3 * n + 1] = np.concatenate(self.at(times[inside]), axis=1)
+        before = inside - 1  # rows that now end inside an old one
+        record[before, 3 * n + 1 :] = record[inside, 2 * n + 1 : 3 * n + 1]
+        marks = self.marks[np.append(row, len(parts))]
+        still = int(np.sum(row < self.still))
+        return Past(record, marks, self.times, self.orders, still, self.place)
+
     def recent(self, span: float) -> Past:
         """Cut to the last `span` s."""
         begin = self.now - span
@@ -174,22 +192,14 @@ class LateProblem(Problem):
     @cached_property
     def late(self) -> kernel.Late:
         """What acts late, as arrays."""
-        system, linear = self.system, self.system.linear
-        n, delays = linear.size, system.delays
-        inverse = np.linalg.inv(linear.mass)
-        table = np.zeros((len(delays), n, 2 * n + 2))
-        for group in linear.delayed:
-            k, c = -(inverse @ group.stiffness[:n]), -(inverse @ group.damping[:n])
-            table[delays.index(group.delay)] += np.column_stack(
-                [k[:, :n], c[:, :n], k[:, n], c[:, n]]
-            )
+        system, delays = self.system, self.system.delays
         group_of = [
             delays.index(channel.delay) if channel.delay else kernel.AT_ONCE
             for channel in system.channels
         ]
         return kernel.Late(
             delay=np.array(delays),
-            linear=table,
+            linear=late_forces(system),
             group=np.array(group_of, dtype=np.int64),
             still=0,
             place=0.0,
@@ -302,3 +312,14 @@ class LateProblem(Problem):
             past.still,
             past.place,
         )
+
+
+def late_forces(system: SeatSystem) -> Array:
+    """Accelerations (G, N, 2N+2) by the linear forces of each delay, as in `Plant.linear`."""
+    linear, delays = system.linear, system.delays
+    n, inverse = linear.size, np.linalg.inv(linear.mass)
+    table = np.zeros((len(delays), n, 2 * n + 2))
+    for group in linear.delayed:
+        k, c = -(inverse @ group.stiffness[:n]), -(inverse @ group.damping[:n])
+        table[delays.index(group.delay)] += np.column_stack([k[:, :n], c[:, :n], k[:, n], c[:, n]])
+    return table

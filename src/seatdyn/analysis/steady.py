@@ -229,6 +229,7 @@ class Orbit:
         self.status, self.period, self.run = status, period, run
         self.error, self.multiplier, self.periods = error, multiplier, periods
         self.residual, self.order = np.nan, order
+        self.multipliers: NDArray[np.complex128] | None = None
 
 
 def find_orbit(
@@ -242,7 +243,7 @@ def find_orbit(
         return Orbit(Status.UNSTABLE, period)
     if isinstance(problem, LateProblem):
         found = find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
-        return Orbit(
+        late = Orbit(
             found.status,
             period,
             found.run,
@@ -250,6 +251,8 @@ def find_orbit(
             multiplier=found.multiplier,
             periods=found.periods,
         )
+        late.multipliers = found.multipliers
+        return late
     state = problem.start(initial_state(problem, "rest"))
     changes: list[float] = []
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
@@ -433,7 +436,7 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     top, bottom = np.array([high[n] for n in names]), np.array([low[n] for n in names])
     spectrum = np.fft.rfft(values, axis=1)[:, : HARMONICS + 1] / PER_PERIOD
     spectrum[:, 1:] *= 2
-    multipliers = None
+    multipliers = orbit.multipliers
     if type(problem) is Problem:  # with delays or states of elements a state is more than this
         scales = orbit_scales(problem, orbit.run)
         start = orbit.run.record[0, 1 : 1 + scales.size]

@@ -9,9 +9,10 @@ import numpy as np
 
 import seatdyn
 from seatdyn.analysis.balance import Array, Balanced
+from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.energy import WORST_RESIDUAL, powers
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.run import Problem, Settings
+from seatdyn.analysis.run import Problem, Settings, State
 from seatdyn.analysis.transient import to_dataset
 from seatdyn.errors import Status
 from seatdyn.kernels.balance import CONVERGED, TOO_MANY_EVENTS
@@ -66,8 +67,9 @@ def check_by_integration(balanced: Balanced, problem: Problem, period: float) ->
     """
     from seatdyn.analysis.steady import extrema
 
-    start = balanced.start()
-    run = problem.run(0.0, period, problem.start(start))
+    state = start_of(balanced, problem)
+    start = state.y
+    run = problem.run(0.0, period, state)
     if run.status is not Status.OK:
         return float("inf")
     n = start.size // 2
@@ -80,6 +82,13 @@ def check_by_integration(balanced: Balanced, problem: Problem, period: float) ->
     moving = theirs > 0.0
     deviations = np.abs(ours - theirs)[moving] / theirs[moving]
     return max(deviation, float(deviations.max(initial=0.0)))
+
+
+def start_of(balanced: Balanced, problem: Problem) -> State:
+    """The balanced motion at t = 0 as the start of a time run, with the past that it needs."""
+    if isinstance(problem, LateProblem):
+        return balanced.late_start(problem)
+    return problem.start(balanced.start())
 
 
 def harmonics_of(balanced: Balanced) -> Array:

@@ -42,6 +42,7 @@ class Condensed(NamedTuple):
     scale : (2,) factors on the base motion and on the channel forces, 1 but while a solution is
         being continued in them
     omega : rad/s
+    delays, late : (G,) s, and (G, N, 2N + 2) linear forces with that delay, as in `linear`
     """
 
     linear: np.ndarray
@@ -57,6 +58,8 @@ class Condensed(NamedTuple):
     lag: np.ndarray
     scale: np.ndarray
     omega: float
+    delays: np.ndarray
+    late: np.ndarray
 
 
 class Work(NamedTuple):
@@ -199,6 +202,13 @@ def respond(problem, work, k):
         for j in range(m):
             matrix[i, n + j] = problem.pull[i, j]
         matrix[i, n + m] = complex(linear[i, 2 * n], w * linear[i, 2 * n + 1]) * base
+    for g in range(problem.delays.size):
+        turn = complex(math.cos(w * problem.delays[g]), -math.sin(w * problem.delays[g]))
+        late = problem.late[g]
+        for i in range(n):
+            for c in range(n):
+                matrix[i, c] -= turn * complex(late[i, c], w * late[i, n + c])
+            matrix[i, n + m] += turn * complex(late[i, 2 * n], w * late[i, 2 * n + 1]) * base
     solve_complex(matrix, n, m + 1)
     for i in range(n):
         for j in range(m):

@@ -1,8 +1,9 @@
 """A balanced motion looked at: nodes, forces, outputs and their extrema.
 
 Outputs are fixed linear combinations of the displacements, velocities and accelerations of the
-nodes, the forces of the elements and the motion of the base (columns in that order). Forces come
-from the laws on the motion, accelerations from the equations of motion with these forces.
+nodes, the forces of the elements and the motion of the base (columns in that order), then, for
+each delay, displacements and velocities of nodes and base one delay earlier. Forces come from the
+laws on the motion that they see, accelerations from the equations of motion with these forces.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from seatdyn.kernels.columns import (
     SECOND,
 )
 from seatdyn.kernels.condensed import (
+    CHANNEL,
     FORCE,
     LINE,
     MOST_EVENTS,
@@ -37,7 +39,7 @@ from seatdyn.kernels.condensed import (
     tail_weights,
 )
 from seatdyn.kernels.fourier import samples_of
-from seatdyn.kernels.jit import inner, kernel
+from seatdyn.kernels.jit import inner, kernel, spliced
 
 STENCIL = 5  # samples through which an extremum is refined
 NODES, NODES_REDUCED = 0, 1  # places in Look.nodes
@@ -48,7 +50,7 @@ HIGH, LOW, HIGH_PHASE, LOW_PHASE, HIGH_BEFORE, LOW_BEFORE = range(6)
 class Look(NamedTuple):
     """Space to look at a motion of at most n samples and K harmonics.
 
-    rows : (o, C) outputs as combinations of the C = 3N + e + 3 columns
+    rows : (o, C) outputs as combinations of the C = 3N + e + 3 + G (2N + 2) columns
     nodes : (2, K, N) complex, harmonics of the nodes, and without their sawtooths
     weights : (E + 1, 2N) of the sawtooths
     columns : (C + 1, n) samples of the columns; the last row is space
@@ -92,6 +94,44 @@ def node_series(problem, work, look, count):
     )
 
 
+@spliced
+def seen_from(problem, j):
+    """First column of what the force of channel j sees: displacements, N on velocities; and base.
+
+    The latter with displacement and velocity after each other.
+    """
+    n = problem.pull.shape[0]
+    base = 3 * n + problem.elements.shape[0]
+    for g in range(problem.delays.size):
+        if problem.lag[j] == problem.delays[g]:
+            first = base + 3 + g * (2 * n + 2)
+            return first, first + 2 * n
+    return 0, base
+
+
+@inner
+def look_back(problem, work, look, count, g, theta, past):
+    """Fill what was one delay before a phase: displacements, velocities, base (2N + 2)."""
+    n, w = problem.pull.shape[0], problem.omega
+    then = theta - w * problem.delays[g]
+    for i in range(n):
+        past[i], past[n + i], _ = state_at(
+            problem, look.nodes[NODES_REDUCED], count, work.events[PRESENT], look.weights[:, 0:],
+            i, then,
+        )  # fmt: skip
+    past[2 * n], past[2 * n + 1] = 0.0, 0.0
+    for k in range(problem.base.size):
+        z = problem.base[k] * complex(math.cos(k * then), math.sin(k * then))
+        past[2 * n] += z.real
+        past[2 * n + 1] -= k * w * z.imag
+
+
+@spliced
+def felt(problem, events, e):
+    """Phase at which the force of the channel of an event jumps or has its corner."""
+    return events[e, PHASE] + problem.omega * problem.lag[int(events[e, CHANNEL])]
+
+
 @inner
 def look_at(problem, work, look, count, theta, row, side):
     """Fill look.state at a phase; with row >= 0 on one side of that jump, which the phase is on."""
@@ -113,10 +153,20 @@ def look_at(problem, work, look, count, theta, row, side):
         for c in range(2 * n):
             total += problem.linear[i, c] * state[c]
         state[2 * n + i] = total
+    for g in range(problem.delays.size):
+        past = state[first + 3 + g * (2 * n + 2) : first + 3 + (g + 1) * (2 * n + 2)]
+        look_back(problem, work, look, count, g, theta, past)
+        for i in range(n):
+            for c in range(2 * n + 2):
+                state[2 * n + i] += problem.late[g, i, c] * past[c]
     for j in range(m):
         start, end = problem.channels[j, FIRST], problem.channels[j, SECOND]
-        d = (state[end] if end >= 0 else x) - (state[start] if start >= 0 else x)
-        s = (state[n + end] if end >= 0 else v) - (state[n + start] if start >= 0 else v)
+        p, b = seen_from(problem, j)
+        d = state[p + end if end >= 0 else b] - state[p + start if start >= 0 else b]
+        s = (
+            state[p + n + end if end >= 0 else b + 1]
+            - state[p + n + start if start >= 0 else b + 1]
+        )
         here = problem.channels[j, BREAKS] <= row < problem.channels[j + 1, BREAKS]
         if here and problem.breaks[row, IS_JUMP] != 0.0:
             d, s = beside(problem, row, d, s, side)
@@ -153,11 +203,25 @@ def sample_columns(problem, work, look, count, samples):
             factor, source = problem.linear[i, c], columns[c if c < 2 * n else first + c - 2 * n]
             for q in range(samples):
                 target[q] = factor * source[q] + (target[q] if c > 0 else 0.0)
+    past = look.state[: 2 * n + 2]
+    for g in range(problem.delays.size):
+        begin = first + 3 + g * (2 * n + 2)
+        for q in range(samples):
+            theta = 2.0 * math.pi * q / samples
+            look_back(problem, work, look, count, g, theta, past)
+            for c in range(2 * n + 2):
+                columns[begin + c, q] = past[c]
+        for i in range(n):
+            for c in range(2 * n + 2):
+                factor, source = problem.late[g, i, c], columns[begin + c]
+                for q in range(samples):
+                    columns[2 * n + i, q] += factor * source[q]
     for j in range(m):
         start, end = problem.channels[j, FIRST], problem.channels[j, SECOND]
-        d0, d1 = columns[start if start >= 0 else first], columns[end if end >= 0 else first]
-        v0 = columns[n + start if start >= 0 else first + 1]
-        v1 = columns[n + end if end >= 0 else first + 1]
+        p, b = seen_from(problem, j)
+        d0, d1 = columns[p + start if start >= 0 else b], columns[p + end if end >= 0 else b]
+        v0 = columns[p + n + start if start >= 0 else b + 1]
+        v1 = columns[p + n + end if end >= 0 else b + 1]
         for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
             address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
             force = columns[3 * n + e]
@@ -236,7 +300,7 @@ def find_extrema(problem, work, look, samples):
                     top = q
             left, right = 1e9, 1e9
             for e in range(number_of(events)):
-                gap = events[e, PHASE] / step - top
+                gap = felt(problem, events, e) / step - top
                 gap -= samples * math.floor(gap / samples)
                 left, right = min(left, samples - gap), min(right, gap)
             best, place = refine(look, samples, top, left, right)
@@ -246,15 +310,16 @@ def find_extrema(problem, work, look, samples):
                 values[q] = -values[q]
     for e in range(number_of(events)):
         for side in (-1.0, 1.0):
-            look_at(problem, work, look, count, events[e, PHASE], int(events[e, ROW]), side)
+            phase = felt(problem, events, e)
+            look_at(problem, work, look, count, phase, int(events[e, ROW]), side)
             for o in range(rows.shape[0]):
                 total = 0.0
                 for c in range(rows.shape[1]):
                     total += rows[o, c] * look.state[c]
                 if total > extrema[HIGH, o]:
-                    extrema[HIGH, o], extrema[HIGH_PHASE, o] = total, events[e, PHASE]
+                    extrema[HIGH, o], extrema[HIGH_PHASE, o] = total, phase
                 if total < extrema[LOW, o]:
-                    extrema[LOW, o], extrema[LOW_PHASE, o] = total, events[e, PHASE]
+                    extrema[LOW, o], extrema[LOW_PHASE, o] = total, phase
 
 
 @kernel
