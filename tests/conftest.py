@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import signal
 from pathlib import Path
 
 import pytest
@@ -40,3 +41,8 @@ def oracle_rows(name):
 def sine():
     """The paper's excitation as it has to be read, back-off."""
     return sd.Sine(1.55, amplitude=0.8857)
+
+
+def listen():
+    """For a new process: a shell lets what it starts in the background ignore Ctrl-C; undo that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

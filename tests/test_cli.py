@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 import seatdyn as sd
-from conftest import OFF, ON, OUTPUTS, paper_system
+from conftest import OFF, ON, OUTPUTS, listen, paper_system
 from seatdyn.app.cli import app
 
 SEATDYN = (sys.executable, "-m", "seatdyn")
@@ -322,7 +322,9 @@ def test_bad_input_leaves_no_traceback_and_nothing_on_standard_output():
 def test_interrupt_is_quiet(delay, tmp_path):
     command = [*SEATDYN, "simulate", *LEVEL, "--coulomb", "5", "--duration", "3000"]
     command += ["--output-step", "1", "--out", str(tmp_path / "run.nc")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=listen
+    )
     time.sleep(delay)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import seatdyn as sd
-from conftest import paper_system
+from conftest import listen, paper_system
 from seatdyn.app.cli import app
 from seatdyn.output.seat_test import result_rows, verdicts, write_seat_test
 
@@ -126,7 +126,9 @@ def test_unstable_system_has_no_rms():
 def test_interrupted_command_goes_on_where_it_was(folder):
     command = [sys.executable, "-m", "seatdyn", "random", "--input", "EM3", "--duration", "120"]
     command += ["--realisations", "4000", "--seed", "3", "--coulomb", "50", "--checkpoint", "a.npz"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=listen
+    )
     file = folder / "a.npz"
     end = time.monotonic() + 120.0
     while not file.exists() and time.monotonic() < end:

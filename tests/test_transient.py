@@ -206,8 +206,8 @@ def test_a_flipped_active_force_breaks_the_energy_balance(sine, monkeypatch):
     assert energy.energy_balance(run).residual < 1e-6
     right = energy.powers
 
-    def wrong(run, samples):
-        base, dissipation, feedback = right(run, samples)
+    def wrong(system, plant, samples):
+        base, dissipation, feedback = right(system, plant, samples)
         return base, dissipation, -feedback
 
     monkeypatch.setattr(energy, "powers", wrong)
