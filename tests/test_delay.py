@@ -278,6 +278,7 @@ def test_frequency_response():
         lambda s: sd.stability_boundary(s, seat_mass=[35.0], stiffness=[9950.0]),
         lambda s: sd.is_stable(s, method="hurwitz"),
         lambda s: stability_points(s, damping=[1.0, 2.0]),
+        lambda s: sd.response_curve(s, (1.5, 1.6), [0.5]),
         lambda s: s.linear.stiffness,
         lambda s: s.linear.drive_damping,
     ],
@@ -288,6 +289,15 @@ def test_what_knows_no_delay_refuses(ask):
         ask(paper_system().delayed(0.01))
     with pytest.raises(sd.RequestError, match=r"0\.02 s late|not allowed"):
         ask(paper_system().delayed(0.02, "feedback"))
+
+
+def test_lockup_with_late_friction_is_refused():
+    friction = sd.StribeckFriction(40.0, 50.0, speed=0.01, dry=True)
+    system = paper_system(friction)
+    late_damper = sd.lockup_boundary(system.delayed(0.01, "Damper"), [1.0])
+    assert float(late_damper.level[0]) == float(sd.lockup_boundary(system, [1.0]).level[0])
+    with pytest.raises(sd.RequestError, match=r"0\.01 s late"):
+        sd.lockup_boundary(system.delayed(0.01), [1.0])
 
 
 def test_where_a_delay_stands(tmp_path):

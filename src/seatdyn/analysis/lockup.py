@@ -18,7 +18,7 @@ from seatdyn.analysis.transient import check_request
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.body import SEAT
 from seatdyn.model.excitation import Still
-from seatdyn.model.system import BASE, SeatSystem
+from seatdyn.model.system import BASE, SeatSystem, refuse_delays
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,7 +40,8 @@ def lockup_boundary(system: SeatSystem, frequency: ArrayLike) -> xr.Dataset:
     Raises
     ------
     RequestError
-        A system without dry friction between base and seat (smooth friction creeps at any level).
+        A system without dry friction between base and seat (smooth friction creeps at any level),
+        or a non-linear element that acts with a delay.
 
     Examples
     --------
@@ -56,6 +57,8 @@ def lockup_boundary(system: SeatSystem, frequency: ArrayLike) -> xr.Dataset:
     check_request(system, Still())
     f = np.asarray(checked_frequencies(frequency), dtype=float)
     hold = break_away(system)
+    # what is locked sees no travel, so that only laws may be late in it
+    refuse_delays(tuple(sorted({e.delay for e in system.nonlinear_elements} - {0.0})))
     if not hold > 0.0:
         raise RequestError(
             "lockup_boundary needs dry friction between base and seat: an element whose force "
