@@ -26,12 +26,12 @@ from seatdyn.paper.tables import Array
 
 LONGEST = 0.05  # s
 DELAYS = np.linspace(0.0, LONGEST, 17)
-BISECTIONS = 4  # of the interval in which the periodic motion is lost
+BISECTIONS = 3  # of the interval in which the periodic motion is lost
 VALUES = {"linear": 0.0, "gamma": 1000.0, "beta1": 500.0, "beta2": 50.0}
 SHOWN = ("acc_m1", "acc_m2", "acc_seat", "F_spring", "F_damper", "F_nonlinear")
 SETTINGS, TOLERANCE = Settings(rtol=1e-8), 1e-7
-MOST_PERIODS, PATIENCE = 200, 1000  # until a motion repeats itself; where it still falls
-WINDOWS, WINDOW = 5, 90  # a run from rest: number of windows, and periods of each
+MOST_PERIODS, PATIENCE = 120, 400  # until a motion repeats itself; where it still falls
+WINDOWS, WINDOW = 5, 60  # a run from rest: number of windows, and periods of each
 PER_PERIOD = 64  # samples of a window
 
 PERIODIC, FALLS, BOUNDED, GROWS = "periodic", "falls", "bounded", "grows"
