@@ -285,9 +285,6 @@ def test_bad_requests_are_named(changes, error, message):
         sd.seat_test(request.pop("seat"), request.pop("input_class"), **request)
 
 
-@pytest.mark.skipif(
-    "cushion" not in sd.Seat.__dataclass_fields__, reason="seats have no cushion yet"
-)
 def test_factor_is_taken_on_the_cushion():
     cushioned = sd.Seat(
         20.0, LINEAR.suspension, cushion=[sd.KelvinVoigt(8e4, 800.0)], cushion_mass=1.0

@@ -15,7 +15,7 @@ import seatdyn
 from seatdyn.analysis.continuation import Branch, Make, Point, trace
 from seatdyn.analysis.random_linear import NOTE, output_coords
 from seatdyn.analysis.transient import check_request
-from seatdyn.errors import RequestError, Status
+from seatdyn.errors import RequestError
 from seatdyn.model.excitation import Sine
 from seatdyn.model.system import SeatSystem
 from seatdyn.units import ACCELERATION, FREQUENCY, Limits, number
@@ -273,8 +273,3 @@ def folds(curves: xr.Dataset, level: int) -> Array:
     kinds = curves["event_kind"].isel(level=level).to_numpy()
     places = curves[f"event_{curves.attrs['parameter']}"].isel(level=level).to_numpy()
     return np.asarray(places[kinds == "fold"], dtype=float)
-
-
-def valid(curves: xr.Dataset) -> bool:
-    """Whether every level was followed to the end of the range."""
-    return Status(curves.attrs["status"]).valid
