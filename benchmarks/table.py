@@ -18,7 +18,7 @@ from pathlib import Path
 from rows import markdown, read, write
 
 HERE = Path(__file__).parent
-NOT_A_BENCHMARK = {"table.py", "rows.py", "random_input.py"}  # the last has no peer
+NOT_A_BENCHMARK = {"table.py", "rows.py", "peer_heyoka.py", "random_input.py"}  # no peer
 
 
 def main() -> int:

@@ -6,9 +6,10 @@ of its list whose amplitude is right to 1e-6. SciPy has two right-hand sides: th
 the state that it is given, as users write it; the tuned one first turns it into Python floats,
 which are faster. One thread, warm, medians of interleaved rounds; in each round a job is timed
 over as many calls in a row as fill a tenth of a second. Times are processor times, which on an idle
-machine are wall times, and on a busy one leave out what others use.
+machine are wall times, and on a busy one leave out what others use. Where heyoka can be imported,
+it does the same (`peer_heyoka`); its build is not counted, as our compilation is not.
 
-    python benchmarks/time_response.py [--json FILE] [--repeat N]
+    python benchmarks/time_response.py [--json FILE] [--rows FILE] [--repeat N]
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import numpy as np
+import peer_heyoka
 from rows import Row, write
 from scipy.integrate import solve_ivp
 
@@ -35,7 +37,9 @@ ERROR = 1e-6
 OMEGA, LEVEL, END = 2 * math.pi * 1.55, 0.8857, 30.0
 GRID = np.arange(round((END - 2 * math.pi / OMEGA) * 1000), 30001) / 1000.0
 TOLERANCES = [10.0**-e for e in np.arange(3, 11, 0.5)]
-TARGET = 100
+# least ratios to SciPy's best and to heyoka; the last three laws are not smooth
+TARGETS = {"linear": (500, 5), "quadratic 1000": (500, 5)}
+SHARP_TARGETS = (150, 1 / 1.5)
 ROUND = 0.1  # s
 CASES = {
     "linear": ((), lambda d, v: 0.0),
@@ -124,6 +128,21 @@ def cheapest(travel_at, reference):
     return best
 
 
+def heyoka_cheapest(name, reference):
+    """Integrator, its start, tolerance and error; None without heyoka."""
+    try:
+        made = {
+            tolerance: peer_heyoka.integrator(name, OMEGA, LEVEL, tolerance)
+            for tolerance in TOLERANCES
+        }
+    except ImportError:
+        return None
+    found = cheapest(
+        lambda tolerance: peer_heyoka.travel(*made[tolerance], OMEGA, LEVEL, GRID), reference
+    )
+    return *made[found[0]], found[0], found[1]
+
+
 def measure(name, repeat):
     """One row of the table."""
     elements, law = CASES[name]
@@ -143,7 +162,8 @@ def measure(name, repeat):
         "with set-up": (lambda: our_travel(problem(ours[0])),),
         "simulate": (lambda: sd.simulate(system, sine, END, settings=settings),),
     }
-    row = {"case": name, "rtol": ours[0], "error": ours[1], "target": TARGET}
+    row = {"case": name, "rtol": ours[0], "error": ours[1]}
+    row["target"], row["target_heyoka"] = TARGETS.get(name, SHARP_TARGETS)
     for kind, tuned in (("plain", False), ("tuned", True)):
         found = {}
         for method in ("RK45", "DOP853", "LSODA"):
@@ -160,6 +180,10 @@ def measure(name, repeat):
             f"{kind}_rtol": found[best][0],
             f"{kind}_error": found[best][1],
         }
+    taylor = heyoka_cheapest(name, reference)
+    if taylor is not None:
+        made, start, row["heyoka_rtol"], row["heyoka_error"] = taylor
+        jobs["heyoka"] = (peer_heyoka.travel, made, start, OMEGA, LEVEL, GRID)
     times = {job: [] for job in jobs}
     for _ in range(repeat):
         for job, call in jobs.items():
@@ -169,6 +193,8 @@ def measure(name, repeat):
         row[f"{job}_ms"] = 1e3 * statistics.median(values)
     row["ratio"] = row["plain_ms"] / row["ours_ms"]
     row["ratio_tuned"] = row["tuned_ms"] / row["ours_ms"]
+    if taylor is not None:
+        row["ratio_heyoka"] = row["heyoka_ms"] / row["ours_ms"]
     return row
 
 
@@ -182,17 +208,24 @@ def main():
     rows = [measure(name, options.repeat) for name in CASES]
     print(
         "| 30 s run | seatdyn, ms (error) | SciPy plain, ms (error) | ratio | target "
-        "| SciPy tuned, ms (error) | ratio | with set-up, ms | simulate, ms |"
+        "| SciPy tuned, ms (error) | ratio | heyoka, ms (error) | ratio | target "
+        "| with set-up, ms | simulate, ms |"
     )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for row in rows:
         peers = " | ".join(
             f"{row[f'{kind}_solver']} {row[f'{kind}_ms']:.0f} ({row[f'{kind}_error']:.0e}) "
             f"| {ratio:.0f}" + (f" | {row['target']}" if kind == "plain" else "")
             for kind, ratio in (("plain", row["ratio"]), ("tuned", row["ratio_tuned"]))
         )
+        taylor = "not installed | |"
+        if "heyoka_ms" in row:
+            taylor = (
+                f"{row['heyoka_ms']:.2f} ({row['heyoka_error']:.0e}) "
+                f"| {row['ratio_heyoka']:.2f} | {row['target_heyoka']:.2g}"
+            )
         print(
-            f"| {row['case']} | {row['ours_ms']:.2f} ({row['error']:.0e}) | {peers} "
+            f"| {row['case']} | {row['ours_ms']:.2f} ({row['error']:.0e}) | {peers} | {taylor} "
             f"| {row['with set-up_ms']:.2f} | {row['simulate_ms']:.1f} |"
         )
     print(
@@ -210,6 +243,14 @@ def main():
                     row["error"], row["plain_error"], row["target"], limit,
                 )
                 for row in rows
+            ]
+            + [
+                Row(
+                    f"30 s run, {row['case']}", 1e-3 * row["ours_ms"],
+                    "heyoka", 1e-3 * row["heyoka_ms"],
+                    row["error"], row["heyoka_error"], row["target_heyoka"], limit,
+                )
+                for row in rows if "heyoka_ms" in row
             ],
             options.rows,
         )  # fmt: skip
