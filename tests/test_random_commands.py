@@ -70,6 +70,13 @@ def test_random_gives_what_python_gives():
     assert got["settle"] == want.attrs["settle_s"]
     assert got["range"]["F_suspension"]["highest"] > 0.0
     assert got["exact"] is None
+    assert got["body"] == "ksiazek1997_back_off"
+    assert got["seat"]["mass"] == 35.0
+    damper, friction = got["seat"]["elements"][1:]
+    assert damper["parameters"] == {"coefficient": {"value": 260.0, "unit": "N s/m"}}
+    assert friction["type"] == "CoulombFriction"
+    assert friction["between"] == ["base", "seat"]
+    assert friction["parameters"]["force"] == {"value": 50.0, "unit": "N"}
 
 
 def test_linear_answers_hold_the_exact_value():
@@ -90,6 +97,8 @@ def test_linear_answers_hold_the_exact_value():
         (("road-C", "--speed", 10), sd.Road("C", 10.0).acceleration_rms()),
         (("road-C", "--speed", 10, "--level", 2), 2.0),
         (("EM6",), sd.seat_test_input("EM6").acceleration_rms()),
+        (("em6",), sd.seat_test_input("EM6").acceleration_rms()),
+        (("Road-c", "--speed", 10), sd.Road("C", 10.0).acceleration_rms()),
     ],
 )
 def test_inputs(options, rms):
@@ -215,6 +224,15 @@ def test_occupant_without_a_result_leaves_the_other(folder):
     assert "unstable" in (folder / "a.html").read_text(encoding="utf-8")
 
 
+def test_damping_test_is_refused_before_the_long_runs(folder, monkeypatch):
+    import seatdyn.analysis.seat_test as module
+
+    sd.save_seat(sd.Seat(20.0, [sd.Spring(9500.0), sd.Damper(700.0)]), folder / "bare.toml")
+    monkeypatch.setattr(module, "seat_test", None)  # calling it would be another error
+    done = run("seat-test", "--seat", "bare.toml", "--class", "em3", "--damping-test", code=2)
+    assert "--travel 0.1" in done.stderr
+
+
 def test_seat_test_in_words():
     shown = run("seat-test", "--seat", "seat.toml", "--class", "EM3", *SHORT, "--damping-test")
     assert "UNVERIFIED limit of the SEAT factor 1" in shown.stdout
@@ -271,7 +289,9 @@ def test_picture_and_report_of_a_random_response(folder):
     assert "This is a simulation" in text
     assert "data:image/png;base64," in text
     assert 'src="http' not in text
-    assert "CoulombFriction" in text
+    assert "CoulombFriction(" not in text  # a table, not Python
+    assert '<th scope="row">CoulombFriction, base to seat</th><td class="text">force</td>' in text
+    assert '<td>50</td><td class="text">N</td>' in text
     figure = sd.plot(
         sd.random_response(
             paper_system(), sd.RandomMotion(sd.seat_test_input("EM3"), 10.0, seed=1), realisations=2
@@ -310,6 +330,8 @@ def test_report_of_a_seat_test(tested, tmp_path):
     assert "unverified" in text
     assert "A seat with stops" in text
     assert "made up for tests" in text
+    assert "EndStop(" not in text
+    assert '<td class="text">rebound clearance</td><td>0.025</td><td class="text">m</td>' in text
     assert "as the source means it" in text  # how the body was scaled
     assert text.count("data:image/png;base64,") == 2
     assert 'src="http' not in text

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import seatdyn as sd
+from seatdyn.model.description import seat_description
 from seatdyn.model.seat_file import KINDS, list_seats, load_seat, save_seat
+from seatdyn.output.seat_table import seat_rows
 from test_elements import LAWS
 from test_memory import LAWS as WITH_STATES
 
@@ -98,3 +102,35 @@ def test_other_refusals(tmp_path):
         save_seat(own, tmp_path / "own.txt")
     with pytest.raises(sd.ModelError, match="cannot be written"):
         save_seat(sd.Seat(20.0), tmp_path / "missing" / "seat.toml")
+
+
+def test_description_has_every_number_with_its_unit():
+    """What is behind a lever, a law of one's own, tables, a cushion and delays included."""
+
+    @sd.force_law({"k3": "N/m3"})
+    def cubic(d, v, p):
+        return p[0] * d**3
+
+    seat = sd.Seat(
+        20.0,
+        [
+            sd.ScissorLever(sd.Damper(900.0), 0.4, 0.25, label="damper"),
+            cubic(k3=1e6),
+            sd.TableDamper((-1.0, 0.0, 1.0), (-300.0, 0.0, 200.0), delay=0.01),
+        ],
+        cushion=[sd.Zener(60e3, 30e3, 0.02)],
+        cushion_mass=1.0,
+    )
+    found = seat_description(seat)
+    lever, own, table, foam = found["elements"]
+    assert lever["element"] == "damper"
+    assert lever["type"] == "ScissorLever"
+    assert lever["parameters"]["Damper: coefficient"] == {"value": 900.0, "unit": "N s/m"}
+    assert lever["parameters"]["arm"] == {"value": 0.4, "unit": "m"}
+    assert own["parameters"] == {"k3": {"value": 1e6, "unit": "N/m3"}}
+    assert table["parameters"]["velocity"]["unit"] == "m/s"
+    assert table["parameters"]["delay"] == {"value": 0.01, "unit": "s"}
+    assert foam["between"] == ["seat", "seat_surface"]
+    rows = seat_rows(json.dumps(found))
+    assert ("cushion", "mass", "1", "kg") in rows
+    assert ("TableDamper, base to seat", "force", "-300, 0, 200", "N") in rows

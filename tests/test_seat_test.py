@@ -201,6 +201,20 @@ def test_impacts_of_a_record_against_the_engine_that_locates_them():
         assert found["force"][side] == pytest.approx(np.max(sign * samples.force), rel=0.01)
 
 
+def test_a_stop_written_from_seat_to_base_is_the_same_stop():
+    """Bump and rebound of the suspension change places in such an element."""
+    turned = sd.EndStop(1e5, bump_clearance=0.025, rebound_clearance=0.03, between=("seat", "base"))
+    seats = [sd.Seat(20.0, [*LINEAR.suspension, stop]) for stop in (STOPPED.suspension[-1], turned)]
+    first, second = (
+        sd.seat_test(seat, "em3", occupants=ONE, runs=3, duration=40.0) for seat in seats
+    )
+    assert second.clearance.values.tolist() == [0.03, 0.025]
+    for name in ("end_stop_impacts", "impact_speed", "buffer_force", "travel_max", "seat_rms"):
+        assert np.all(first[name] > 0.0)
+        assert second[name].values == pytest.approx(first[name].values, rel=1e-9)
+    assert sd.damping_test(seats[1]).attrs["height_m"] == pytest.approx(0.4 * 0.055)
+
+
 def test_result_holds_impacts_and_travel(stopped):
     assert stopped.side.values.tolist() == ["bump", "rebound"]
     assert np.all(stopped.end_stop_impacts > 1.0)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import seatdyn
 from seatdyn.analysis.seat_test import clearances, end_stops, measuring_point
@@ -28,6 +29,7 @@ from seatdyn.units import number
 if TYPE_CHECKING:
     import xarray as xr
 
+Array = NDArray[np.float64]
 FREQUENCY_STEP = 0.05  # Hz, largest
 
 
@@ -72,62 +74,89 @@ def damping_test(
     >>> round(test.attrs["transmissibility_at_resonance"], 2)
     2.19
     """
-    import xarray as xr
+    return DampingTest.make(seat, mass=mass, travel=travel, expected=expected).run(progress)
 
-    if not isinstance(seat, Seat):
-        raise RequestError(f"seat = {reprlib.repr(seat)} is no Seat; use load_seat or Seat(...).")
-    mass = number(mass, "mass", "kg", minimum=1.0, maximum=500.0, error=RequestError)
-    body = SeatedBody("inert mass", {SEAT: mass}, ())
-    system = SeatSystem(body, seat)
-    if travel is None:
-        stops = end_stops(system)
-        if not stops:
+
+class DampingTest(NamedTuple):
+    """A damping test that was checked: the seat with its load, and how the platform moves."""
+
+    system: SeatSystem
+    mass: float
+    height: float  # m, peak to peak
+    frequency: Array  # Hz
+
+    @classmethod
+    def make(
+        cls,
+        seat: Seat,
+        *,
+        mass: float = INERT_MASS.value,
+        travel: float | None = None,
+        expected: float | None = None,
+    ) -> DampingTest:
+        """Refuse what cannot be tested."""
+        if not isinstance(seat, Seat):
             raise RequestError(
-                "travel is needed: the suspension has no end stops to measure it between. Give it "
-                "in m, such as damping_test(seat, travel=0.1), or --travel 0.1."
+                f"seat = {reprlib.repr(seat)} is no Seat; use load_seat or Seat(...)."
             )
-        travel = float(clearances(stops).sum())
-    travel = number(travel, "travel", "m", above=0.0, maximum=1.0, error=RequestError)
-    if expected is None:
-        stiffness, _ = suspension_total(system, 0, "tangent")
-        if not stiffness > 0.0:
-            raise RequestError(
-                "expected is needed: the suspension has no stiffness. Give the resonance in Hz."
-            )
-        expected = math.sqrt(stiffness / (seat.mass + mass)) / (2 * math.pi)
-    expected = number(expected, "expected", "Hz", above=0.0, maximum=100.0, error=RequestError)
-    height = min(DAMPING_TRAVEL.value * travel, DAMPING_HEIGHT.value)
-    low, high = (ratio.value * expected for ratio in DAMPING_RANGE)
-    frequency = np.linspace(low, high, math.ceil((high - low) / FREQUENCY_STEP) + 1)
-    ratio, status = np.full(frequency.size, np.nan), []
-    point = measuring_point(system)
-    for k, f in enumerate(frequency):
-        amplitude = height / 2 * (2 * math.pi * f) ** 2
-        state = steady_state(system, Sine(float(f), amplitude=amplitude))
-        status.append(state.attrs["status"])
-        level = float(state.rms.sel(output=f"acc_{point}"))
-        ratio[k] = level / (amplitude / math.sqrt(2.0))
-        if progress is not None:
-            progress((k + 1) / frequency.size)
-    found = np.isfinite(ratio)
-    best = int(np.nanargmax(ratio)) if found.any() else -1
-    worst = next((s for s in status if not Status(s).valid), str(Status.OK))
-    return xr.Dataset(
-        {
-            "transmissibility": (("frequency",), ratio, {"units": "1"}),
-            "member_status": (("frequency",), status),
-        },
-        coords={"frequency": ("frequency", frequency, {"units": "Hz"})},
-        attrs={
-            "status": worst,
-            "message": Status(worst).message,
-            "kind": "damping test: a simulation, no certificate",
-            "resonance_hz": float(frequency[best]) if best >= 0 else math.nan,
-            "transmissibility_at_resonance": float(ratio[best]) if best >= 0 else math.nan,
-            "height_m": height,
-            "inert_mass_kg": mass,
-            "point": point,
-            "seat": repr(seat),
-            "seatdyn_version": seatdyn.__version__,
-        },
-    )
+        mass = number(mass, "mass", "kg", minimum=1.0, maximum=500.0, error=RequestError)
+        system = SeatSystem(SeatedBody("inert mass", {SEAT: mass}, ()), seat)
+        if travel is None:
+            stops = end_stops(system)
+            if not stops:
+                raise RequestError(
+                    "travel is needed: the suspension has no end stops to measure it between. "
+                    "Give it in m, such as damping_test(seat, travel=0.1), or --travel 0.1."
+                )
+            travel = float(clearances(stops).sum())
+        travel = number(travel, "travel", "m", above=0.0, maximum=1.0, error=RequestError)
+        if expected is None:
+            stiffness, _ = suspension_total(system, 0, "tangent")
+            if not stiffness > 0.0:
+                raise RequestError(
+                    "expected is needed: the suspension has no stiffness. Give the resonance in Hz."
+                )
+            expected = math.sqrt(stiffness / (seat.mass + mass)) / (2 * math.pi)
+        expected = number(expected, "expected", "Hz", above=0.0, maximum=100.0, error=RequestError)
+        height = min(DAMPING_TRAVEL.value * travel, DAMPING_HEIGHT.value)
+        low, high = (ratio.value * expected for ratio in DAMPING_RANGE)
+        steps = math.ceil((high - low) / FREQUENCY_STEP)
+        return cls(system, mass, height, np.linspace(low, high, steps + 1))
+
+    def run(self, progress: Callable[[float], None] | None = None) -> xr.Dataset:
+        """Await the steady state at every frequency."""
+        import xarray as xr
+
+        frequency, system = self.frequency, self.system
+        ratio, status = np.full(frequency.size, np.nan), []
+        point = measuring_point(system)
+        for k, f in enumerate(frequency):
+            amplitude = self.height / 2 * (2 * math.pi * f) ** 2
+            state = steady_state(system, Sine(float(f), amplitude=amplitude))
+            status.append(state.attrs["status"])
+            level = float(state.rms.sel(output=f"acc_{point}"))
+            ratio[k] = level / (amplitude / math.sqrt(2.0))
+            if progress is not None:
+                progress((k + 1) / frequency.size)
+        found = np.isfinite(ratio)
+        best = int(np.nanargmax(ratio)) if found.any() else -1
+        worst = next((s for s in status if not Status(s).valid), str(Status.OK))
+        return xr.Dataset(
+            {
+                "transmissibility": (("frequency",), ratio, {"units": "1"}),
+                "member_status": (("frequency",), status),
+            },
+            coords={"frequency": ("frequency", frequency, {"units": "Hz"})},
+            attrs={
+                "status": worst,
+                "message": Status(worst).message,
+                "kind": "damping test: a simulation, no certificate",
+                "resonance_hz": float(frequency[best]) if best >= 0 else math.nan,
+                "transmissibility_at_resonance": float(ratio[best]) if best >= 0 else math.nan,
+                "height_m": self.height,
+                "inert_mass_kg": self.mass,
+                "point": point,
+                "seat": repr(system.seat),
+                "seatdyn_version": seatdyn.__version__,
+            },
+        )

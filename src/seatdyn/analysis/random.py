@@ -21,6 +21,7 @@ from seatdyn.analysis.random_linear import NOTE, output_coords
 from seatdyn.analysis.transient import check_request
 from seatdyn.errors import RequestError, Status
 from seatdyn.kernels.lanes import LANES
+from seatdyn.model.description import seat_description
 from seatdyn.model.noise import RandomMotion
 from seatdyn.model.system import SeatSystem
 from seatdyn.signals.synthesis import Synthesis
@@ -358,6 +359,10 @@ def _dataset(request: _Request, ensemble: Ensemble, members: Array, status: Stat
             "seed": request.excitation.seed,
             "excitation": _description(request.excitation),
             "system": repr(request.system),
+            "body": request.system.body.name,
+            "seat_description": json.dumps(
+                seat_description(request.system.seat, request.system.all_elements)
+            ),
             "seatdyn_version": seatdyn.__version__,
         },
     )

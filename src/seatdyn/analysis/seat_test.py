@@ -32,6 +32,7 @@ from seatdyn.analysis.transient import simulate
 from seatdyn.errors import RequestError, SeatdynWarning, Status
 from seatdyn.kernels.lanes import LANES
 from seatdyn.model.body import SEAT, SeatedBody, load_body
+from seatdyn.model.description import seat_description
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.noise import LARGEST_SEED, RandomMotion
 from seatdyn.model.seat import Seat
@@ -81,11 +82,12 @@ LEVELS = dict.fromkeys(
 
 
 class Stop(NamedTuple):
-    """An end stop of the suspension."""
+    """An end stop of the suspension, and how its own travel counts: 1, or -1 from seat to base."""
 
     element: NonlinearElement
     bump: float  # clearance, m
     rebound: float
+    sign: float = 1.0
 
 
 def seat_test(
@@ -224,14 +226,17 @@ def measuring_point(system: SeatSystem) -> str:
 
 
 def end_stops(system: SeatSystem) -> list[Stop]:
-    """End stops between base and seat frame."""
-    return [
-        Stop(element, element.bump_clearance, element.rebound_clearance)
-        for element in system.nonlinear_elements
-        if element.between == (BASE, SEAT)
-        and hasattr(element, "bump_clearance")
-        and hasattr(element, "rebound_clearance")
-    ]
+    """End stops between base and seat frame, whichever of the two they are written from."""
+    found = []
+    for element in system.nonlinear_elements:
+        bump, rebound = (getattr(element, f"{s}_clearance", None) for s in ("bump", "rebound"))
+        if set(element.between) != {BASE, SEAT} or bump is None or rebound is None:
+            continue
+        if element.between == (BASE, SEAT):
+            found.append(Stop(element, bump, rebound))
+        else:  # what compresses it is rebound of the suspension
+            found.append(Stop(element, rebound, bump, -1.0))
+    return found
 
 
 class _Plan(NamedTuple):
@@ -441,7 +446,9 @@ def impacts(travel: Array, speed: Array, stops: Sequence[Stop]) -> dict[str, Arr
     pushes = []
     for sign, limit in zip((-1.0, 1.0), clearance, strict=True):
         d, v = (signal[sign * travel > limit] for signal in (travel, speed))
-        push = sum((sign * forces_at(stop.element, d, v) for stop in stops), np.zeros(d.size))
+        push = np.zeros(d.size)
+        for stop in stops:
+            push += sign * stop.sign * forces_at(stop.element, stop.sign * d, stop.sign * v)
         pushes.append(np.max(push, initial=0.0))
     return {
         "count": np.array([hits.bump, hits.rebound], dtype=float),
@@ -483,6 +490,7 @@ def _joined(
         "weighting": WEIGHTING,
         "point": measuring_point(SeatSystem(body, seat)),
         "seat": repr(seat),
+        "seat_description": json.dumps(seat_description(seat)),
         "seat_title": seat.title,
         "seat_source": seat.source,
         "body": body.name,

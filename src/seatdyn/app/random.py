@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -137,20 +138,21 @@ def _spectrum(
     from seatdyn.signals.inputs import Road, seat_test_input
     from seatdyn.signals.narrow_band import NarrowBand
 
-    road = kind.startswith(ROAD)
+    road = kind.lower().startswith(ROAD)
+    narrow = kind.lower() == NARROW_BAND
     given = {"--centre": centre, "--bandwidth": bandwidth, "--speed": speed}
-    known = {NARROW_BAND: ("--centre", "--bandwidth")}.get(kind, ("--speed",) if road else ())
+    known = ("--centre", "--bandwidth") if narrow else ("--speed",) if road else ()
     for name, value in given.items():
         if value is not None and name not in known:
             raise RequestError(f"{name} has no effect with --input {kind}; drop it.")
     missing = [name for name in known if given[name] is None]
-    if kind == NARROW_BAND and level is None:
+    if narrow and level is None:
         missing.append("--level")
     if missing:
         raise RequestError(f"--input {kind} needs {', '.join(missing)}.")
-    if kind == NARROW_BAND:
+    if narrow:
         return NarrowBand(centre, bandwidth, rms=level)  # type: ignore[arg-type]
-    plain = Road(kind.removeprefix(ROAD), speed) if road else seat_test_input(kind)  # type: ignore[arg-type]
+    plain = Road(kind[len(ROAD) :].upper(), speed) if road else seat_test_input(kind)  # type: ignore[arg-type]
     return plain if level is None else plain.at_level(level)
 
 
@@ -183,6 +185,8 @@ def _random_answer(
         "exact": exact,
         "range": by_output(lowest="lowest", highest="highest"),
         "unit": dict(zip(names, data.output_unit.values.tolist(), strict=True)),
+        "body": attrs["body"],
+        "seat": json.loads(attrs["seat_description"]),
         "input": {
             "name": repr(spectrum),
             "rms": spectrum.acceleration_rms(),

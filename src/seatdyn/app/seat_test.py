@@ -79,7 +79,7 @@ def seat_test(
 
     A simulation, and no certificate.
     """
-    from seatdyn.analysis.damping_test import damping_test
+    from seatdyn.analysis.damping_test import DampingTest
     from seatdyn.analysis.seat_test import seat_test as compute
     from seatdyn.model.body import load_body
     from seatdyn.model.seat_file import load_seat
@@ -97,6 +97,8 @@ def seat_test(
         raise RequestError("--travel has no effect without --damping-test; give both.")
     tested = load_seat(seat)
     model = load_body(body)
+    # what it lacks is said before the long runs
+    inert = DampingTest.make(tested, travel=travel) if damping else None
     with progress_bar("seat-test") as progress:
         data = compute(
             tested,
@@ -110,9 +112,9 @@ def seat_test(
             progress=progress,
         )
     resonance = None
-    if damping:
+    if inert is not None:
         with progress_bar("damping test") as progress:
-            resonance = damping_test(tested, travel=travel, progress=progress)
+            resonance = inert.run(progress)
     states = [data.attrs["status"], *([resonance.attrs["status"]] if resonance else [])]
     status = next((state for state in states if not Status(state).valid), states[0])
     usable = [Status(state).valid for state in data.member_status.values]
@@ -192,6 +194,7 @@ def _test_answer(data: xr.Dataset, resonance: xr.Dataset | None) -> dict[str, An
         "sitting_mass": {name: float(one.sitting_mass) for name, one in each.items()},
         "limits": json.loads(attrs["limits"]),
         "damping_test": None,
+        "seat": json.loads(attrs["seat_description"]),
         "unit": {"travel_max": "m", "speed": "m/s", "force": "N", "sitting_mass": "kg"},
         **{key: attrs[key] for key in ("input_class", "standard", "weighting", "body", "scaling")},
         **{key: attrs[key] for key in ("runs", "seed", "confidence", "step_error")},

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatdyn.output.report import figure_png, write_page
+from seatdyn.output.seat_table import seat_rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,5 +84,10 @@ def write_random(data: xr.Dataset, path: str | Path) -> Path:
             data.output.values, data.output_unit.values, *columns, strict=True
         )
     ]
-    context = {"attrs": data.attrs, "rows": rows, "picture": figure_png(plot(data))}
+    context = {
+        "attrs": data.attrs,
+        "rows": rows,
+        "seat": seat_rows(data.attrs["seat_description"]),
+        "picture": figure_png(plot(data)),
+    }
     return write_page("random.html", context, path)

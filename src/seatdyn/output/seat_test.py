@@ -11,6 +11,7 @@ import numpy as np
 
 from seatdyn.analysis.seat_test import SITTING_SHARE
 from seatdyn.output.report import figure_png, write_page
+from seatdyn.output.seat_table import seat_rows
 from seatdyn.standards.acceptance import (
     DAMPING_HEIGHT,
     DAMPING_RANGE,
@@ -286,6 +287,7 @@ def write_seat_test(
         "rows": result_rows(data),
         "sentences": sentences(data, resonance),
         "limit": limit,
+        "seat": seat_rows(data.attrs["seat_description"]),
         "resonance": resonance.attrs if resonance is not None else None,
         "constants": _constants(data),
         "pictures": [

@@ -85,7 +85,7 @@ def seat_test_input(name: str, *, low: float = LOW_CUT) -> SeatTestInput:
 
     Parameters
     ----------
-    name : of the class, such as "EM3"
+    name : of the class, such as "EM3", in capitals or not
     low : low cut in Hz, below the band of the target, which begins at 0.89 Hz
 
     Raises
@@ -101,7 +101,8 @@ def seat_test_input(name: str, *, low: float = LOW_CUT) -> SeatTestInput:
     (1.73, 1.73)
     """
     cut = number(low, "low", "Hz", minimum=1e-3, maximum=LOWEST, error=ExcitationError)
-    return SeatTestInput(name, cut)
+    known = str(name).upper()
+    return SeatTestInput(known if known in INPUT_CLASSES else name, cut)
 
 
 @dataclass(frozen=True)
