@@ -34,7 +34,7 @@ def crossings(curve, omega):
     for k in np.flatnonzero((w[:-1] - omega) * (w[1:] - omega) <= 0.0):
         near = slice(max(k - 1, 0), k + 3)
         order = np.argsort(w[near])
-        fit = np.polynomial.Polynomial.fit(w[near][order], x[near][order], 3)
+        fit = np.polynomial.Polynomial.fit(w[near][order], x[near][order], min(3, order.size - 1))
         found.append((float(fit(omega)), bool(stable[k])))
     return found
 
@@ -185,6 +185,46 @@ def test_multiplier_of_a_linear_system_is_that_of_its_poles():
     slowest = float(sd.poles(system)["real"].max())
     expected = np.exp(slowest / curve.frequency)
     assert np.allclose(curve.floquet_max, expected, rtol=1e-4)
+
+
+def late_seat(delay, *more):
+    """The paper's seat with its whole suspension force late."""
+    parts = [sd.Spring(9950.0, delay=delay), sd.Damper(260.0, delay=delay), *more]
+    return sd.SeatSystem(sd.load_body(OFF), sd.Seat(35.0, parts))
+
+
+def test_curve_of_a_seat_that_reacts_late_is_a_row_of_steady_states():
+    system = late_seat(0.01, sd.QuadraticDamper(500.0, delay=0.01))
+    curve = sd.response_curve(system, (1.5, 1.6), 0.5)
+    assert curve.attrs["status"] == "ok"
+    middle = curve.sizes["point"] // 2
+    for k in (middle, curve.sizes["point"] - 1):
+        state = sd.steady_state(system, sd.Sine(float(curve.frequency[0, k]), amplitude=0.5))
+        for name in ("acc_m1", "seat-base"):
+            row = curve.amplitude.sel(output=name)[0]
+            assert float(row[k]) == pytest.approx(float(state.amplitude.sel(output=name)), rel=1e-7)
+        assert float(curve.floquet_max[0, k]) == pytest.approx(state.attrs["floquet_max"], rel=1e-6)
+
+
+def test_motion_of_a_linear_seat_turns_unstable_at_its_delay_margin():
+    """Multipliers of a run with delay against characteristic roots: they share no code."""
+    sine = sd.Sine(1.55, amplitude=0.5)
+    curve = sd.parameter_curve(
+        lambda delay: (late_seat(delay), sine), 0.0225, 0.0231, name="delay", unit="s"
+    )
+    margin = float(sd.delay_margin(late_seat(0.0)).delay_margin)
+    assert curve.event_kind.values.tolist() == ["Neimark-Sacker"]
+    assert float(curve.event_delay[0]) == pytest.approx(margin, rel=1e-6)
+
+
+def test_curve_of_a_seat_with_hysteresis_is_a_row_of_steady_states():
+    system = paper_system(sd.DahlFriction(50.0, 1e5))
+    curve = sd.response_curve(system, (1.5, 1.6), 0.5)
+    assert curve.attrs["status"] == "ok"
+    state = sd.steady_state(system, sd.Sine(1.6, amplitude=0.5))
+    for name in ("acc_seat", "seat-base"):
+        row = curve.amplitude.sel(output=name)[0]
+        assert float(row[-1]) == pytest.approx(float(state.amplitude.sel(output=name)), rel=1e-6)
 
 
 def test_unstable_start_says_so():

@@ -4,7 +4,7 @@ A periodic motion is a fixed point y = P(y, p) of the map over one period, p the
 the branch both are unknown; the step is measured along the branch, so folds are points like
 others (Keller 1977). P and its derivatives come from time integration, which locates jumps and
 kinks of forces; eigenvalues of dP/dy are the Floquet multipliers, so every point knows its
-stability.
+stability. Where forces act late, y is a piece of history (`delay_orbit.History`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.delay_orbit import (
+    ROWS,
+    History,
+    late_scales,
+    monodromy,
+    multipliers_of,
+    periods_together,
+)
+from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState, Past
+from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.run import Problem, Run, Settings
 from seatdyn.analysis.steady import extrema, find_orbit, orbit_scales
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.excitation import Excitation
-from seatdyn.model.system import SeatSystem, refuse_delays
+from seatdyn.model.system import SeatSystem
 
 Array = NDArray[np.float64]
 Make = Callable[[float], tuple[SeatSystem, Excitation]]
@@ -79,12 +89,98 @@ class Branch:
     message: str = ""
 
 
+class Period:
+    """One run of a problem, and the numbers y that it starts from and gives: states."""
+
+    def __init__(self, problem: Problem, length: float) -> None:
+        """Keep the problem and the length of the run in s."""
+        self.problem, self.length = problem, length
+
+    def run(self, y: Array, like: Run) -> Run:
+        """The run that starts from y."""
+        return self.problem.run(0.0, self.length, self.problem.start(y))
+
+    def end(self, run: Run) -> Array:
+        """The numbers at the end of a run."""
+        return run.end.y
+
+    def scales(self, run: Run) -> Array:
+        """Their sizes."""
+        return orbit_scales(self.problem, run)
+
+    def differences(self, y: Array, run: Run, scales: Array) -> Array:
+        """Derivatives (K, K) of the end by the start, both scaled."""
+        end, columns = self.end(run), []
+        for i in range(y.size):
+            moved = y.copy()
+            moved[i] += PERTURBATION * scales[i]
+            columns.append((self.end(self.run(moved, run)) - end) / PERTURBATION / scales)
+        return np.column_stack(columns)
+
+    def multipliers(self, derivatives: Array) -> NDArray[np.complex128]:
+        """Floquet multipliers, largest first."""
+        return multipliers_of(derivatives, 1)
+
+
+class LatePeriod(Period):
+    """The same of a system with delayed forces; y is a history, and `like` fills its gaps."""
+
+    def __init__(self, problem: LateProblem, period: float) -> None:
+        """Take as many periods as the longest delay lasts."""
+        self.together = periods_together(problem, period)
+        super().__init__(problem, self.together * period)
+        self.late, self.history = problem, History(problem)
+
+    def state(self, y: Array, like: Run) -> LateState:
+        """The end of a run with its history changed to these numbers."""
+        assert isinstance(like, LateRun)
+        assert isinstance(like.end, LateState)
+        assert like.end.past is not None
+        ahead = like.end.past
+        past = Past(like.whole, like.whole_marks, ahead.times, ahead.orders)
+        past = past.recent(self.late.longest_delay).refined(self.late.longest_delay / ROWS)
+        state = LateState(like.end.y, like.end.side, like.end.held, past)
+        return self.history.changed(self.late, state, y - self.history.values(past))
+
+    def run(self, y: Array, like: Run) -> Run:
+        """The run that starts from y."""
+        return self.problem.run(0.0, self.length, self.state(y, like))
+
+    def end(self, run: Run) -> Array:
+        """The numbers at the end of a run."""
+        assert isinstance(run.end, LateState)
+        assert run.end.past is not None
+        return self.history.values(run.end.past)
+
+    def scales(self, run: Run) -> Array:
+        """Their sizes; many numbers of one motion count together as much as a state does."""
+        sizes = late_scales(self.late, self.history, run)
+        return sizes * math.sqrt(sizes.size / run.end.y.size)
+
+    def differences(self, y: Array, run: Run, scales: Array) -> Array:
+        """Derivatives (K, K) of the end by the start, both scaled."""
+        state = self.state(y, run)
+        operator = monodromy(self.late, self.history, state, self.length, scales, run.steps)
+        return np.asarray(operator * scales / scales[:, None])
+
+    def multipliers(self, derivatives: Array) -> NDArray[np.complex128]:
+        """Floquet multipliers over one period, largest first."""
+        return multipliers_of(derivatives, self.together)
+
+
+class _Near(NamedTuple):
+    """A run near the one that is looked for, and derivatives that hold there."""
+
+    period: Period
+    run: Run
+    jacobian: Array  # (K, K + 1) of P - y in scaled variables, K numbers of y
+
+
 class _Solved(NamedTuple):
     """A solution of the bordered equations, with its derivatives."""
 
     u: Array
-    run: Run
-    jacobian: Array  # (2N, 2N + 1) of P - y in scaled variables
+    near: _Near
     iterations: int
 
 
@@ -96,63 +192,59 @@ class Tracer:
         self.make, self.start, self.span = make, start, stop - start
         self.scales = np.zeros(0)
 
-    def problem(self, value: float) -> tuple[Problem, float]:
-        """The system at a value of the parameter, and its period."""
+    def period(self, value: float) -> Period:
+        """One period of the system at a value of the parameter."""
         system, excitation = self.make(value)
         if excitation.period is None:
             raise RequestError(
                 f"{type(excitation).__name__} has no period; a curve of periodic motions needs one."
             )
-        return Problem.make(system, excitation.motion, SETTINGS), excitation.period
+        problem = problem_for(system, excitation, SETTINGS)
+        if isinstance(problem, LateProblem):
+            return LatePeriod(problem, excitation.period)
+        return Period(problem, excitation.period)
 
     def value(self, u: Array) -> float:
         """Parameter of scaled unknowns u = [y / scales, (p - start) / span]."""
         return float(self.start + self.span * u[-1])
 
-    def run(self, u: Array, problem: Problem, period: float) -> Run:
-        """One period from the state of u."""
-        return problem.run(0.0, period, problem.start(u[:-1] * self.scales))
+    def residual(self, u: Array, period: Period, run: Run) -> Array:
+        """Scaled change of the numbers over the period."""
+        return np.asarray(period.end(run) / self.scales - u[:-1])
 
-    def residual(self, u: Array, run: Run) -> Array:
-        """Scaled change of the state over the period."""
-        return np.asarray(run.end.y / self.scales - u[:-1])
+    def derivatives(self, u: Array, period: Period, run: Run) -> Array:
+        """Derivatives of the residual by every unknown, (K, K + 1)."""
+        y, moved = u[:-1] * self.scales, u.copy()
+        moved[-1] += PERTURBATION
+        other = self.period(self.value(moved))
+        change = self.residual(moved, other, other.run(y, run)) - self.residual(u, period, run)
+        by_y = period.differences(y, run, self.scales) - np.eye(y.size)
+        return np.column_stack([by_y, change / PERTURBATION])
 
-    def derivatives(self, u: Array, run: Run, problem: Problem, period: float) -> Array:
-        """Differences of the residual by every unknown, (2N, 2N + 1)."""
-        base = self.residual(u, run)
-        columns = []
-        for i in range(u.size):
-            moved = u.copy()
-            moved[i] += PERTURBATION
-            if i == u.size - 1:
-                problem, period = self.problem(self.value(moved))
-            other = self.run(moved, problem, period)
-            columns.append((self.residual(moved, other) - base) / PERTURBATION)
-        return np.column_stack(columns)
-
-    def solve(self, guess: Array, jacobian: Array, normal: Array) -> _Solved | None:
+    def solve(self, guess: Array, near: _Near, normal: Array) -> _Solved | None:
         """Point of the branch in the plane through `guess` with this normal, near `guess`.
 
         Newton's method that begins with the derivatives of a neighbour, improves them by Broyden's
         update, and takes new ones where that is slow.
         """
         u, before, fresh = guess.copy(), math.inf, False
+        run, jacobian = near.run, near.jacobian
         step, residual = np.zeros_like(u), np.zeros(u.size - 1)
         for iteration in range(1, MOST_ITERATIONS + 1):
-            problem, period = self.problem(self.value(u))
-            run = self.run(u, problem, period)
+            period = self.period(self.value(u))
+            run = period.run(u[:-1] * self.scales, run)
             if run.status is not Status.OK:
                 return None
-            new = self.residual(u, run)
+            new = self.residual(u, period, run)
             size = float(np.max(np.abs(new)))
             if size <= TOLERANCE:
-                jacobian = self.derivatives(u, run, problem, period)
-                return _Solved(u, run, jacobian, iteration)
+                found = _Near(period, run, self.derivatives(u, period, run))
+                return _Solved(u, found, iteration)
             if iteration > 1 and size <= FAST * before:
                 defect = new - residual - jacobian @ step
                 jacobian = jacobian + np.outer(defect, step) / (step @ step)
             elif iteration > 1 and not fresh:
-                jacobian, fresh = self.derivatives(u, run, problem, period), True
+                jacobian, fresh = self.derivatives(u, period, run), True
             elif iteration > 1 and size > before:
                 return None
             before, residual = size, new
@@ -170,12 +262,16 @@ class Tracer:
 
     def point(self, solved: _Solved, tangent: Array) -> Point:
         """What is kept of a solution."""
-        matrix = solved.jacobian[:, :-1] + np.eye(solved.jacobian.shape[0])
-        values = np.linalg.eigvals(matrix).astype(complex)
-        order = np.argsort(-np.abs(values))
-        high, low = extrema(solved.run)
-        y = solved.u[:-1] * self.scales
-        return Point(self.value(solved.u), y, values[order], tangent, high, low)
+        period, run, jacobian = solved.near
+        derivatives = jacobian[:, :-1] + np.eye(jacobian.shape[0])
+        multipliers = period.multipliers(derivatives)
+        return Point(
+            self.value(solved.u),
+            run.record[0, 1 : 1 + run.end.y.size],
+            multipliers,
+            tangent,
+            *extrema(run),
+        )
 
 
 def trace(make: Make, start: float, stop: float) -> Branch:
@@ -216,21 +312,20 @@ def trace(make: Make, start: float, stop: float) -> Branch:
 
 def _from_rest(tracer: Tracer, value: float) -> Branch:
     """Branch through the stable motion that is reached from rest at a value of the parameter."""
-    system, excitation = tracer.make(value)
-    refuse_delays(system.delays)
-    problem, period = tracer.problem(value)
-    orbit = find_orbit(problem, excitation, START_TOLERANCE, START_PERIODS)
+    _, excitation = tracer.make(value)
+    period = tracer.period(value)
+    orbit = find_orbit(period.problem, excitation, START_TOLERANCE, START_PERIODS)
     if orbit.status is not Status.CONVERGED or orbit.run is None:
         return Branch(status=orbit.status, message=f"At {value:.6g}: {orbit.status.message}")
-    tracer.scales = orbit_scales(problem, orbit.run)
-    u = np.append(orbit.run.end.y / tracer.scales, (value - tracer.start) / tracer.span)
+    tracer.scales = period.scales(orbit.run)
+    u = np.append(period.end(orbit.run) / tracer.scales, (value - tracer.start) / tracer.span)
     along = np.eye(u.size)[-1]
-    guess = tracer.derivatives(u, tracer.run(u, problem, period), problem, period)
-    solved = tracer.solve(u, guess, along)
+    run = period.run(u[:-1] * tracer.scales, orbit.run)
+    solved = tracer.solve(u, _Near(period, run, tracer.derivatives(u, period, run)), along)
     if solved is None:
         message = f"No motion was found at {value:.6g} that can be followed."
         return Branch(status=Status.NOT_CONVERGED, message=message)
-    return _follow(tracer, solved, tracer.tangent(solved.jacobian, along))
+    return _follow(tracer, solved, tracer.tangent(solved.near.jacobian, along))
 
 
 def _follow(tracer: Tracer, solved: _Solved, tangent: Array) -> Branch:
@@ -256,11 +351,11 @@ def _follow(tracer: Tracer, solved: _Solved, tangent: Array) -> Branch:
             share = (edge - solved.u[-1]) / (new.u[-1] - solved.u[-1])
             guess = solved.u + share * (new.u - solved.u)
             guess[-1] = edge
-            last = tracer.solve(guess, new.jacobian, np.eye(guess.size)[-1])
+            last = tracer.solve(guess, new.near, np.eye(guess.size)[-1])
             if last is None:
                 length /= 2
                 continue
-            new, direction = last, tracer.tangent(last.jacobian, direction)
+            new, direction = last, tracer.tangent(last.near.jacobian, direction)
         point = tracer.point(new, direction)
         special = _special_between(tracer, solved, branch.points[-1], new, point)
         branch.special += [special] if special else []
@@ -279,25 +374,25 @@ def _advance(
     tracer: Tracer, solved: _Solved, tangent: Array, length: float
 ) -> tuple[_Solved, Array] | None:
     """The point one step further and its tangent; None where the step is too long."""
-    new = tracer.solve(solved.u + length * tangent, solved.jacobian, tangent)
+    new = tracer.solve(solved.u + length * tangent, solved.near, tangent)
     if new is None:
         return None
-    direction = tracer.tangent(new.jacobian, tangent)
+    direction = tracer.tangent(new.near.jacobian, tangent)
     return (new, direction) if direction @ tangent >= SHARPEST_TURN else None
 
 
 def _rescaled(tracer: Tracer, solved: _Solved, tangent: Array) -> tuple[_Solved, Array]:
     """The same in units of the larger motion, where it has grown."""
-    system, run = solved.run.problem, solved.run
-    scales = np.maximum(tracer.scales, orbit_scales(system, run))
+    period, run, jacobian = solved.near
+    scales = np.maximum(tracer.scales, period.scales(run))
     ratio = tracer.scales / scales
     tracer.scales = scales
     u = np.append(solved.u[:-1] * ratio, solved.u[-1])
     direction = np.append(tangent[:-1] * ratio, tangent[-1])
-    jacobian = np.column_stack(
-        [solved.jacobian[:, :-1] * ratio[:, None] / ratio, solved.jacobian[:, -1] * ratio]
+    jacobian = np.column_stack([jacobian[:, :-1] * ratio[:, None] / ratio, jacobian[:, -1] * ratio])
+    return solved._replace(u=u, near=_Near(period, run, jacobian)), direction / np.linalg.norm(
+        direction
     )
-    return solved._replace(u=u, jacobian=jacobian), direction / np.linalg.norm(direction)
 
 
 def _special_between(
@@ -320,10 +415,10 @@ def _special_between(
         if (high - low) * np.linalg.norm(chord) <= LOCATED:
             break
         share = (low + high) / 2
-        middle = tracer.solve(left.u + share * chord, left.jacobian, normal)
+        middle = tracer.solve(left.u + share * chord, left.near, normal)
         if middle is None:
             break
-        point = tracer.point(middle, tracer.tangent(middle.jacobian, normal))
+        point = tracer.point(middle, tracer.tangent(middle.near.jacobian, normal))
         if passed(point):
             high, best = share, point
         else:

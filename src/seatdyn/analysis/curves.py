@@ -44,7 +44,7 @@ def response_curve(
 
     Parameters
     ----------
-    system : SeatSystem without delays
+    system : SeatSystem, with or without delays and elements with states of their own
     frequency : first and last, Hz, 1e-4 .. 1e5; from high to low is allowed
     level : one or several, > 0
     kind : what `level` is, of the base: "amplitude" (peak acceleration, m/s2), "rms" (r.m.s.
@@ -63,7 +63,7 @@ def response_curve(
     Raises
     ------
     RequestError
-        No SeatSystem, a frequency or level outside its range, an unknown kind, a delay.
+        No SeatSystem, a frequency or level outside its range, an unknown kind.
 
     Examples
     --------

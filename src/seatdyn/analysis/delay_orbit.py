@@ -107,6 +107,11 @@ class LateOrbit:
         return float(np.abs(self.multipliers).max()) if self.multipliers.size else np.nan
 
 
+def periods_together(problem: LateProblem, period: float) -> int:
+    """Number of periods that a history takes up at most."""
+    return max(1, math.ceil(problem.longest_delay / period))
+
+
 def find_late_orbit(
     problem: LateProblem, period: float, tolerance: float, max_periods: int, *, linear: bool
 ) -> LateOrbit:
@@ -116,7 +121,7 @@ def find_late_orbit(
     """
     history = History(problem)
     # the map must reach back into itself only: as many periods as the delay is long
-    together = max(1, math.ceil(problem.longest_delay / period))
+    together = periods_together(problem, period)
     length = together * period
     state = problem.rest(np.zeros(2 * history.n))
     assert state.past is not None
@@ -133,7 +138,7 @@ def find_late_orbit(
         assert isinstance(end, LateState)
         assert end.past is not None
         new = history.values(end.past)
-        scales = _scales(problem, history, run)
+        scales = late_scales(problem, history, run)
         residual = new - values
         change = float(np.max(np.abs(residual) / scales))
         if operator is not None:
@@ -143,7 +148,7 @@ def find_late_orbit(
             if change <= tolerance and left <= tolerance:
                 if not linear:  # the operator was that of a motion nearby
                     operator = monodromy(problem, history, end, length, scales, run.steps)
-                multipliers = _multipliers(operator, together)
+                multipliers = multipliers_of(operator, together)
                 if abs(multipliers[0]) < 1.0:
                     orbit = LateOrbit(Status.CONVERGED, count, problem.run(0.0, period, end))
                     orbit.error, orbit.multipliers = max(change, left), multipliers
@@ -208,13 +213,13 @@ def monodromy(
     return operator
 
 
-def _multipliers(operator: Array, together: int) -> NDArray[np.complex128]:
+def multipliers_of(operator: Array, together: int) -> NDArray[np.complex128]:
     """Floquet multipliers over one period, largest first; of several periods the root."""
     values = np.linalg.eigvals(operator).astype(complex) ** (1.0 / together)
     return np.asarray(values[np.argsort(-np.abs(values))])
 
 
-def _scales(problem: LateProblem, history: History, run: Run) -> Array:
+def late_scales(problem: LateProblem, history: History, run: Run) -> Array:
     """Largest displacement and velocity of the run for every number of a history."""
     assert isinstance(run, LateRun)
     n = history.n
@@ -272,10 +277,10 @@ def late_multipliers(
 ) -> NDArray[np.complex128]:
     """Floquet multipliers of the periodic motion that starts from a state, largest first."""
     history = History(problem)
-    together = max(1, math.ceil(problem.longest_delay / period))
+    together = periods_together(problem, period)
     run = problem.run(0.0, together * period, state)
     if run.status is not Status.OK:
         return np.full(1, np.nan + 0j)
-    scales = _scales(problem, history, run)
+    scales = late_scales(problem, history, run)
     operator = monodromy(problem, history, state, together * period, scales, run.steps)
-    return _multipliers(operator, together)
+    return multipliers_of(operator, together)
