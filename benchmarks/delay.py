@@ -13,10 +13,12 @@ jitcdde (it needs a C compiler) seatdyn runs alone.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import math
 import os
+import tempfile
 import time
 from pathlib import Path
 
@@ -77,7 +79,8 @@ def peer(delay):
         (f1 + f2 - 9950.0 * (x - base) - late) / 35.0, (active - f1) / m1, (-active - f2) / m2,
     ]  # fmt: skip
     solver = jitcdde(equations, delays=[0.0, delay], max_delay=delay, verbose=False)
-    solver.compile_C(simplify=False)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        solver.compile_C(simplify=False)  # its build would read a pyproject.toml where it runs
 
     def run(tolerance):
         solver.purge_past()
