@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import dataclasses
 import math
 from pathlib import Path
@@ -17,6 +18,8 @@ import seatdyn as sd
 from conftest import oscillator, paper_system
 from seatdyn.analysis.lowering import lower
 from seatdyn.kernels import dense
+from seatdyn.kernels.jit import lanes_law_address
+from seatdyn.kernels.laws import arctangent
 from seatdyn.model.elements import NonlinearElement
 
 
@@ -68,10 +71,10 @@ def stribeck(v, sign_of_v):
     return (15.0 + 10.0 * math.exp(-((v / 0.02) ** 2))) * sign_of_v + 12.0 * v
 
 
-def hunt_crossley(d, v):
+def hunt_crossley(d, v, n=1.5):
     if d > 0.01:
-        return 2e4 * (d - 0.01) ** 1.5 * max(0.0, 1.0 + 4.0 * v)
-    return -2e4 * (-0.02 - d) ** 1.5 * max(0.0, 1.0 - 4.0 * v) if d < -0.02 else 0.0
+        return 2e4 * (d - 0.01) ** n * max(0.0, 1.0 + 4.0 * v)
+    return -2e4 * (-0.02 - d) ** n * max(0.0, 1.0 - 4.0 * v) if d < -0.02 else 0.0
 
 
 def air(d):
@@ -119,7 +122,11 @@ LAWS = {
         sd.StribeckFriction(15.0, 25.0, 0.02, viscous=12.0, dry=True),
         lambda d, v: stribeck(v, sign(v)),
     ),
-    "contact": (sd.ContactStop(2e4, 0.02, 0.01, damping=4.0), hunt_crossley),
+    "Hertz contact": (sd.ContactStop(2e4, 0.02, 0.01, damping=4.0), hunt_crossley),
+    "contact": (
+        sd.ContactStop(2e4, 0.02, 0.01, exponent=1.25, damping=4.0),
+        lambda d, v: hunt_crossley(d, v, 1.25),
+    ),
     "air spring": (
         sd.AirSpring(2e5, 1e-3, 1.5e-4, 1.3, area_slope=-2e-3),
         lambda d, v: air(d),
@@ -205,6 +212,7 @@ ODD = (
     *("quadratic", "coulomb", "stribeck", "dry friction", "power damper", "blended damper"),
     *("balance", "dry bingham", "smooth tanh"),
 )
+IN_LANES = ("coulomb", "jump", "gap", "end stop", "Hertz contact", "bingham")  # vectorised
 STICKS = ("dry friction", "dry bingham", "tanh")  # no tangent at rest: the force jumps there
 
 
@@ -300,6 +308,29 @@ def test_vectorised_law_is_the_compiled_law(name):
     d, v = np.random.default_rng(8).uniform(-0.06, 0.06, (2, 200))
     np.testing.assert_allclose(element.force_at(d, v), compiled(element, d, v), rtol=1e-14)
     assert element.force_at(d[:, None], v).shape == (200, 200)
+
+
+@pytest.mark.parametrize("name", [*IN_LANES, "contact", "table spring", "shifted stop", "user"])
+def test_law_for_lanes_is_the_compiled_law(name):
+    """It adds what the law gives for every member, whatever their number."""
+    element = LAWS[name][0]
+    law = element.lower()
+    d, v = np.random.default_rng(7).uniform(-0.06, 0.06, (2, 19))
+    found, parameters = np.ones(19), np.array([*law.parameters, 0.0])
+    arrays = [ctypes.POINTER(ctypes.c_double)] * 4
+    compiled = ctypes.CFUNCTYPE(None, ctypes.c_int64, *arrays)(
+        lanes_law_address(law.function, element.name)
+    )
+    compiled(19, *(np.ctypeslib.as_ctypes(a) for a in (d, v, parameters, found)))
+    np.testing.assert_allclose(found - 1.0, element.force_at(d, v), rtol=1e-12, atol=1e-12)
+
+
+def test_arc_tangent_is_right_to_the_last_place():
+    x = np.concatenate([np.linspace(-4.0, 4.0, 20001), 10.0 ** np.linspace(-300, 300, 2001)])
+    x = np.concatenate([x, [0.0, np.inf, -np.inf]])
+    found = np.array([arctangent(value) for value in x.tolist()])
+    assert np.all(np.abs(found - np.arctan(x)) <= np.spacing(np.abs(np.arctan(x))))
+    assert math.isnan(arctangent(math.nan))
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -43,7 +43,7 @@ def test_ensemble_repeats_the_engine_that_locates_events(name, body):
     motion = sd.RandomMotion(EM3, 8.0, seed=3, member=1, ramp=0.0)
     synthesis = Synthesis(EM3, 8.0)
     steps = math.ceil(synthesis.step / STEP.get(name, 1e-3))
-    ensemble = Ensemble.make(system, synthesis, 0, motion.seed, steps)
+    ensemble = Ensemble.make(system, synthesis, 0, motion.seed, steps, spacing=1e-3)
     kept = ("seat-base", "m2-m1", "acc_m1", "F_suspension", "F_body")
     series = ensemble.run(0, kept).series[1]
     time = ensemble.spacing * np.arange(series.shape[-1])
@@ -61,6 +61,39 @@ def test_ensemble_repeats_the_engine_that_locates_events(name, body):
     if smooth:
         acceleration = samples.acceleration[:, 1]
         assert np.max(np.abs(series[2] - acceleration)) < 1e-5 * np.max(np.abs(acceleration))
+
+
+@pytest.mark.parametrize("name", ["linear", "stops"])
+@pytest.mark.parametrize("spacing", [1e-3, 1e-2])
+def test_moments_are_those_of_the_series(name, spacing):
+    """Mean squares come from products of states; series and extremes are worked out."""
+    ensemble = Ensemble.make(
+        paper_system(*LAWS[name]), Synthesis(EM3, 20.0), 100, 1, 3, spacing=spacing
+    )
+    moments, series = ensemble.run(0, ensemble.names)
+    assert ensemble.spacing <= spacing
+    expected = [series.mean(2), *((series**k).mean(2) for k in (2, 4))]
+    expected = np.moveaxis([*expected, series.min(2), series.max(2)], [0, 1, 2], [1, 2, 0])
+    size = np.sqrt(moments[:, 1:2]) ** np.array([1, 2, 4, 1, 1])[:, None]
+    assert np.all(np.abs(moments - expected) <= 1e-9 * size)
+
+    few = dataclasses.replace(ensemble, peaks=("seat-base",)).run(0).moments
+    row = ensemble.names.index("seat-base")
+    assert np.array_equal(few[:, :2], moments[:, :2])
+    assert np.array_equal(few[row], moments[row])
+    assert np.all(np.isnan(np.delete(few, row, axis=0)[:, 2:]))
+
+
+def test_peaks_of_some_outputs_only():
+    system, motion = paper_system(*LAWS["stops"]), sd.RandomMotion(EM3, 5.0, seed=1)
+    every = sd.random_response(system, motion, realisations=2)
+    some = sd.random_response(system, motion, realisations=2, peaks=["seat-base"])
+    assert np.array_equal(every.rms, some.rms)
+    assert some.highest.sel(output="seat-base") == every.highest.sel(output="seat-base")
+    assert np.isnan(some.highest.sel(output="acc_seat"))
+    fine = sd.random_response(system, motion, realisations=2, spacing=1e-3)
+    assert fine.attrs["spacing_s"] <= 1e-3 < some.attrs["spacing_s"]
+    assert fine.highest.sel(output="seat-base") > every.highest.sel(output="seat-base")
 
 
 def test_forces_balance():
@@ -218,6 +251,8 @@ def test_unstable_systems_say_so():
         ({"confidence": 1.0}, "confidence"),
         ({"settle": -1.0}, "settle"),
         ({"keep": ["acc_m9"]}, "acc_m"),
+        ({"peaks": ["acc_m9"]}, "acc_m"),
+        ({"spacing": 0.1}, "spacing"),
         ({"checkpoint": "run.txt"}, "npz"),
     ],
 )

@@ -36,8 +36,8 @@ MOST_SERIES = 4e9  # bytes
 class Block(NamedTuple):
     """What a block of members gives."""
 
-    moments: Array  # (s, 5, L): means of x, x^2, x^4; lowest; highest
-    series: Array  # (L, q, steps)
+    moments: Array  # (s, 5, L): means of x, x^2, x^4; lowest; highest; the last three may be NaN
+    series: Array  # (L, q, instants)
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,12 @@ class Ensemble:
     synthesis : the grid of the base motion, `settle` included
     settle : intervals of the grid that are passed over
     seed : of all members
+    names : of the outputs
+    outputs : (instants, K, s) weights of the outputs at the instants of a step, see `make_march`
     steps : in every interval of the grid
-    every : steps from one instant that is gathered to the next
+    every : steps from one that is gathered to the next
+    peaks : outputs whose extremes and fourth powers are gathered; means and mean squares of all
+        outputs cost next to nothing
     drift : m/s added to the velocity of the base, and the system starts at rest then; the base of
         the paper's random runs moves like this
     level : r.m.s. acceleration in m/s2 that the base of every member is corrected to
@@ -60,8 +64,10 @@ class Ensemble:
     seed: int
     names: tuple[str, ...]
     march: March
+    outputs: Array
     steps: int
     every: int
+    peaks: tuple[str, ...]
     drift: float | None = None
     level: float | None = None
 
@@ -75,20 +81,31 @@ class Ensemble:
         steps: int,
         *,
         spacing: float = LONGEST_STEP,
+        peaks: Sequence[str] | None = None,
         drift: float | None = None,
         level: float | None = None,
     ) -> Ensemble:
-        """Work the propagators out; instants are gathered at most `spacing` (s) apart."""
+        """Work the propagators out; instants are gathered at most `spacing` (s) apart.
+
+        `peaks` are those of all outputs unless given.
+        """
         coarsest = fewest_steps(synthesis, spacing)
         steps = max(steps, coarsest)
-        names, march = make_march(system, synthesis.step, steps)
         every = max(k for k in range(1, steps + 1) if steps % k == 0 and steps >= k * coarsest)
-        return cls(system, synthesis, settle, seed, names, march, steps, every, drift, level)
+        instants = 1
+        if not system.channels:  # exact from node to node, and in between
+            instants, steps, every = steps // every, 1, 1
+        names, march, outputs = make_march(system, synthesis.step, steps, instants)
+        watched = names if peaks is None else tuple(peaks)
+        return cls(
+            system, synthesis, settle, seed, names, march, outputs, steps, every, watched, drift,
+            level,
+        )  # fmt: skip
 
     @property
     def spacing(self) -> float:
         """Time in s between the instants that are gathered."""
-        return self.synthesis.step * self.every / self.steps
+        return self.synthesis.step * self.every / (self.steps * len(self.outputs))
 
     def base(self, block: int) -> tuple[Array, Array, Array]:
         """Displacement, velocity and acceleration of the base, (L, nodes)."""
@@ -111,22 +128,50 @@ class Ensemble:
         if nodes is not None:
             x, v, a = (np.ascontiguousarray(motion[:, :nodes]) for motion in (x, v, a))
         settle = self.settle if settle < 0 else settle
-        n = self.march.state.shape[0] // 2
-        y = np.zeros((2 * n, LANES))  # at rest relative to the base
-        if self.drift is not None:  # at rest
-            y[:n], y[n:] = -x[:, 0], -v[:, 0]
-        count = (x.shape[1] - 1 - settle) * self.steps // self.every
-        columns = np.array([self.names.index(name) for name in wanted], dtype=np.int64)
-        if LANES * columns.size * count * 8 > MOST_SERIES:
+        size = self.march.across.shape[0]
+        start = np.zeros((size, LANES))  # at rest relative to the base
+        if self.drift is not None:  # at rest: only the suspension moves
+            start[0], start[size // 2] = -x[:, 0], -v[:, 0]
+        gathered = (x.shape[1] - 1 - settle) * self.steps // self.every
+        instants, sources, s = self.outputs.shape
+        if LANES * len(wanted) * gathered * instants * 8 > MOST_SERIES:
             raise RequestError(
-                f"series of {columns.size} outputs over {count} steps need more than "
-                f"{MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
+                f"series of {len(wanted)} outputs over {gathered * instants} instants need more "
+                f"than {MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
             )
-        series = np.empty((LANES, columns.size, count))
+        watched = [self.names.index(name) for name in dict.fromkeys((*wanted, *self.peaks))]
+        outputs = self.outputs[:, :, watched].reshape(instants * sources, len(watched))
+        series = np.empty((LANES, len(wanted), gathered * instants))
+        gram = np.zeros((sources, sources + 1, LANES))
         with CompileNotice(), interruptible():
-            _, statistics = march_block(self.march, x, v, a, settle, self.every, y, columns, series)
-        statistics[:, :3] /= count
-        return Block(statistics, series)
+            extremes = march_block(
+                self.march, x, v, a, settle, self.every, start, np.ascontiguousarray(outputs),
+                series, gram,
+            )  # fmt: skip
+        moments = np.full((s, 5, LANES), np.nan)
+        moments[:, :2] = self.means(gram / gathered)
+        extremes[:, 0] /= gathered * instants
+        moments[watched, 2:] = extremes
+        return Block(moments, series)
+
+    def means(self, gram: Array) -> Array:
+        """Means and mean squares of all outputs, (s, 2, L), from those of their sources.
+
+        A mean square has about 10 digits, and 7 where the base drifts by metres: an acceleration is
+        a small difference of large sources then.
+
+        gram : (K, K + 1, L) mean products, below the diagonal, and last the means
+        """
+        count = gram.shape[0]
+        below = np.tril(np.ones((count, count)), -1)[:, :, None] * gram[:, :count]
+        products = below + np.swapaxes(below, 0, 1)
+        products[np.arange(count), np.arange(count)] = gram[np.arange(count), np.arange(count)]
+        weights = self.outputs / math.sqrt(self.outputs.shape[0])
+        with np.errstate(invalid="ignore", over="ignore"):  # of a motion without bound
+            partial = np.tensordot(weights, products, axes=(1, 0))  # (instants, s, K, L)
+            squares = np.einsum("iskl,iks->sl", partial, weights)
+            mean = self.outputs.mean(0).T @ gram[:, count]
+        return np.stack([mean, np.maximum(squares, 0.0)], axis=1)
 
     def blocks(
         self, numbers: Iterator[int], workers: int, wanted: Sequence[str] = ()
@@ -179,7 +224,9 @@ def choose_steps(
     nodes = min(synthesis.nodes, max(2, math.ceil(TRIAL / synthesis.step)) + 1)
 
     def levels(count: int) -> Array:
-        ensemble = Ensemble.make(system, synthesis, 0, seed, count, drift=drift, level=level)
+        ensemble = Ensemble.make(
+            system, synthesis, 0, seed, count, peaks=(), drift=drift, level=level
+        )
         mean_squares = ensemble.run(0, nodes=nodes, settle=nodes // 3).moments[:, 1]
         return np.sqrt(mean_squares)
 

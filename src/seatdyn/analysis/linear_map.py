@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from seatdyn.analysis.linear import Linearise, as_linear_model, companion
-from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.run import Samples
+from seatdyn.analysis.outputs import incidence, output_table
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.memory import LinearMemory
-from seatdyn.model.system import BASE, SeatSystem, refuse_delays
+from seatdyn.model.system import SeatSystem, refuse_delays
 
 Array = NDArray[np.float64]
 Gain = tuple[float, float]  # stiffness in N/m and damping in N s/m
@@ -78,7 +77,7 @@ def linear_map(
     for element in system.memory_elements:
         kept = element.is_linear or linearise is not None
         forms.append(element.linearised() if kept else LinearMemory.without_states(0.0, 0.0))
-    rows = np.array([_incidence(system, e.between) for e in (*springs, *system.memory_elements)])
+    rows = np.array([incidence(system, e.between) for e in (*springs, *system.memory_elements)])
     rows = rows.reshape(len(forms), n + 1)
     free, base = rows[:, :n], rows[:, n:]
     k, c = np.array([[form.k, form.g] for form in forms]).reshape(-1, 2, 1).transpose(1, 0, 2)
@@ -108,7 +107,7 @@ def linear_map(
     all_base[3 + 2 * n : 3 + 3 * n, :2] = b[n : 2 * n]
     all_base[3 + 3 * n :, :2] = of_base
     names, table = output_table(system)
-    pairs = np.array([_incidence(system, channel.between) for channel in system.channels])
+    pairs = np.array([incidence(system, channel.between) for channel in system.channels])
     pairs = pairs.reshape(len(system.channels), n + 1)
     across = np.zeros((len(pairs), 2, len(a)))
     across_base = np.zeros((len(pairs), 2, 3))
@@ -117,24 +116,3 @@ def linear_map(
     return LinearMap(
         names, a, b, table @ all_states, table @ all_base, across, across_base, of_states
     )
-
-
-def _incidence(system: SeatSystem, between: tuple[str, str]) -> Array:
-    """Row over the free nodes and the base, last: second node minus first."""
-    row = np.zeros(system.linear.size + 1)
-    for node, sign in zip(between, (-1.0, 1.0), strict=True):
-        row[-1 if node == BASE else system.linear.index(node)] += sign
-    return row
-
-
-def output_table(system: SeatSystem) -> tuple[tuple[str, ...], Array]:
-    """Names of the outputs, and how they depend on u, u', u'', z, z', z'' and element forces.
-
-    Outputs are linear in these, so each column is what they are for a unit of one of them.
-    """
-    n, e = system.linear.size, len(channel_elements(system)) + len(system.memory_elements)
-    units = np.eye(3 + 3 * n + e)
-    base, z, v, a, force = np.split(units, np.cumsum([3, n, n, n]), axis=1)
-    samples = Samples(np.zeros(len(units)), base.T, z, v, a, force, np.zeros_like(force))
-    outputs = named_outputs(system, samples)
-    return tuple(outputs), np.array(list(outputs.values()))

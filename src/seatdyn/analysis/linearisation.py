@@ -19,8 +19,8 @@ from scipy.special import ndtr
 from seatdyn.analysis.covariance import in_frequency
 from seatdyn.analysis.gaussian import Equivalent, equivalent
 from seatdyn.analysis.linear import labelled
-from seatdyn.analysis.linear_map import channel_elements, linear_map, output_table
-from seatdyn.analysis.outputs import unique_names
+from seatdyn.analysis.linear_map import channel_elements, linear_map
+from seatdyn.analysis.outputs import output_table, unique_names
 from seatdyn.analysis.random_linear import NOTE, check_request, is_settling, levels, output_coords
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
 from seatdyn.model.system import SeatSystem, linear_model, refuse_memory

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,13 +18,18 @@ Array = NDArray[np.float64]
 
 
 def lower(
-    system: SeatSystem, motion: Motion, *, delays: bool = False, memory: bool = False
+    system: SeatSystem,
+    motion: Motion,
+    *,
+    delays: bool = False,
+    memory: bool = False,
+    address: Callable[..., int] = law_address,
 ) -> Plant:
     """Arrays of a system under a base motion.
 
     With `delays` the caller adds delayed forces himself: linear ones are left out, and all
     channels are listed as if they acted at once. With `memory` the caller adds elements with states
-    of their own himself.
+    of their own himself. `address` compiles a law.
 
     Raises
     ------
@@ -84,7 +91,7 @@ def lower(
         ),
         elements=np.array(
             [
-                (law_address(law.function, name), offset)
+                (address(law.function, name), offset)
                 for law, offset, name in zip(flat, offsets, names, strict=True)
             ],
             dtype=np.int64,

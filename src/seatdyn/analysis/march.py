@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
@@ -10,93 +12,127 @@ from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import (
     across,
     body_force,
+    incidence,
     motion_of,
     named_outputs,
+    output_table,
+    pairs,
     suspension_forces,
 )
 from seatdyn.analysis.run import Samples
-from seatdyn.kernels.columns import ELEMENTS, FIRST, SECOND
-from seatdyn.kernels.ensemble import March
+from seatdyn.kernels.columns import ELEMENTS
+from seatdyn.kernels.ensemble import DERIVATIVES, March
+from seatdyn.kernels.jit import lanes_law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.body import SEAT
 from seatdyn.model.excitation import Motion
 from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
-POWERS = 6  # coefficients of the base displacement: a quintic
 INVARIANT = 1e-10  # of the stiffness or damping: a sum below it is zero, and motion without effect
 
 
-def make_march(system: SeatSystem, spacing: float, steps: int) -> tuple[tuple[str, ...], March]:
-    """Names of the outputs, and the propagators for `steps` steps in `spacing` (s)."""
-    plant = lower(system, Motion())
-    own, drive = relative_dynamics(plant)
-    n, m = own.shape[0], plant.gain.shape[0]
-    n2, h = 2 * n, spacing / steps
+class Links(NamedTuple):
+    """Equations of motion in q, the motions across links that join every node to the base.
 
-    # y' = A y + G (x0, x0', x0'') - pull f with x0 a quintic and every f a parabola in time
-    size = n2 + POWERS + 3 * m
-    augmented = np.zeros((size, size))
-    augmented[:n, n:n2] = np.eye(n)
-    augmented[n:n2, :n2] = own
-    augmented[n:n2, n2 : n2 + 3] = drive
-    shift = np.arange(n2, n2 + POWERS - 1)
-    augmented[shift, shift + 1] = 1.0
-    force = n2 + POWERS
-    augmented[n:n2, force : force + m] = -plant.pull
-    chain = np.arange(force, size - m)
-    augmented[chain, chain + m] = 1.0
-    whole, half = expm(augmented * h)[:n2].T, expm(augmented * (h / 2))[:n2].T  # row a source
+        q'' = own [q, q'] + drive [u, u', u''] - pull f
 
-    incidence = np.zeros((n2, 2 * m))
-    for j in range(m):
-        for node, sign in ((plant.channels[j, FIRST], -1.0), (plant.channels[j, SECOND], 1.0)):
-            if node >= 0:
-                incidence[node, j] += sign
-                incidence[n + node, m + j] += sign
+    A mean square of a small relative motion keeps its digits in q, not in the motions of nodes. The
+    first link is the suspension, the only one that begins at the base.
+    """
 
-    inputs = hermite(h) @ whole[n2:force]
-    half_inputs = hermite(h) @ half[n2:force]
-    # h phi_k(h A) pull, k = 1, 2, 3: responses to a force 1, t/h, t^2/2h^2; the same for h/2
-    constant, linear, square = (whole[force + k * m : force + (k + 1) * m] / h**k for k in range(3))
-    short, ramp = (half[force + k * m : force + (k + 1) * m] / (h / 2) ** k for k in range(2))
-    stages = [short, short - 2 * ramp, constant - 2 * linear, 2 * ramp, 2 * linear]
-    weights = [
-        constant - 3 * linear + 4 * square,
-        2 * linear - 4 * square,
-        2 * linear - 4 * square,
-        4 * square - linear,
-    ]
-    names, outputs = output_matrix(system, plant)
-    return names, March(
-        state=np.ascontiguousarray(whole[:n2]),
-        inputs=np.ascontiguousarray(inputs),
-        forces=np.concatenate(weights),
-        middle=np.concatenate([half[:n2], half_inputs]) @ incidence,
-        end=np.concatenate([whole[:n2], inputs]) @ incidence,
-        stages=np.concatenate(stages) @ incidence,
-        inside=np.stack([quintic(spacing, (k + 1) * h) for k in range(steps)]),
-        outputs=outputs,
-        channels=plant.channels,
-        elements=plant.elements,
-        parameters=plant.parameters,
-    )
+    own: Array  # (N, 2N)
+    drive: Array  # (N, 3)
+    pull: Array  # (N, m)
+    across: Array  # (2N, 2m) from q, q' to displacement and velocity across the channels
+    nodes: Array  # (N, N) from q to the motions of the nodes relative to the base
 
 
-def relative_dynamics(plant: Plant) -> tuple[Array, Array]:
-    """Relative accelerations (N, 2N) per state [r, r'] and (N, 3) per base x, v, a; no channels.
+def make_links(system: SeatSystem, plant: Plant) -> Links:
+    """Change from the motions of nodes to those across links.
 
-    Where the system is invariant to translation or to velocity the base x or v has no effect.
+    Where the system is invariant to translation or to velocity the base u or u' has no effect.
     """
     n = plant.linear.shape[0]
     drive = np.empty((n, 3))
     for order in range(2):
-        own, base = plant.linear[:, order * n : (order + 1) * n], plant.linear[:, 2 * n + order]
-        total = own.sum(1) + base
-        size = np.abs(own).sum(1) + np.abs(base)
+        of_free, base = plant.linear[:, order * n : (order + 1) * n], plant.linear[:, 2 * n + order]
+        total = of_free.sum(1) + base
+        size = np.abs(of_free).sum(1) + np.abs(base)
         drive[:, order] = np.where(np.abs(total) > INVARIANT * size, total, 0.0)
     drive[:, 2] = -1.0
-    return plant.linear[:, : 2 * n], drive
+    links = np.array([incidence(system, pair)[:n] for pair in pairs(system)[:n]])
+    nodes: Array = np.round(np.linalg.inv(links)).astype(float)  # of numbers 1, 0, -1
+    channels = [incidence(system, channel.between)[:n] for channel in system.channels]
+    return Links(
+        own=links @ plant.linear[:, : 2 * n] @ np.kron(np.eye(2), nodes),
+        drive=links @ drive,
+        pull=links @ plant.pull,
+        across=np.asarray(np.kron(np.eye(2), (np.reshape(channels, (-1, n)) @ nodes).T), float),
+        nodes=nodes,
+    )
+
+
+def make_march(
+    system: SeatSystem, spacing: float, steps: int, instants: int
+) -> tuple[tuple[str, ...], March, Array]:
+    """Names of the outputs, the propagators for `steps` steps in `spacing` (s), and the outputs.
+
+    These, (instants, K, s), are seen from the first K rows of the kernel's table at the instants
+    of a step; more than one only in a system without channels.
+    """
+    plant = lower(system, Motion(), address=lanes_law_address)
+    links = make_links(system, plant)
+    n, m = links.pull.shape
+    n2, h = 2 * n, spacing / steps
+
+    # y' = A y + G (u, u', u'') - pull f with u a quintic and every f a parabola in time
+    size = n2 + DERIVATIVES + 3 * m
+    augmented = np.zeros((size, size))
+    augmented[:n, n:n2] = np.eye(n)
+    augmented[n:n2, :n2] = links.own
+    augmented[n:n2, n2 : n2 + 3] = links.drive
+    shift = np.arange(n2, n2 + DERIVATIVES - 1)
+    augmented[shift, shift + 1] = 1.0
+    force = n2 + DERIVATIVES
+    augmented[n:n2, force : force + m] = -links.pull
+    chain = np.arange(force, size - m)
+    augmented[chain, chain + m] = 1.0
+    whole, half = expm(augmented * h)[:n2].T, expm(augmented * (h / 2))[:n2].T  # row a source
+
+    # h phi_k(h A) pull, k = 1, 2, 3: responses to a force 1, t/h, t^2/2h^2; the same for h/2
+    constant, linear, square = (whole[force + k * m : force + (k + 1) * m] / h**k for k in range(3))
+    short, ramp = (half[force + k * m : force + (k + 1) * m] / (h / 2) ** k for k in range(2))
+    weights = [constant - 3 * linear + 4 * square, *[2 * linear - 4 * square] * 2]
+    weights.append(4 * square - linear)
+
+    def rows(free: Array, forces: list[Array]) -> Array:
+        """One matrix in the order of the kernel's table, from the parts of a stage."""
+        parts = [free[:n2], forces[0], free[n2:force], *forces[1:]]
+        return np.ascontiguousarray(np.concatenate(parts))
+
+    names, outputs = output_matrix(system, plant, links)
+    if m == 0:
+        later = (expm(augmented * (h * i / instants))[: n2 + 3].T for i in range(instants))
+        seen = np.array([inside @ outputs for inside in later])
+    else:
+        seen = outputs[None]
+    return (
+        names,
+        March(
+            base=np.concatenate([hermite(spacing) @ taylor(k * h) for k in range(steps)]),
+            across=links.across,
+            second=rows(half, [short]) @ links.across,
+            third=rows(half, [short - 2 * ramp, 2 * ramp]) @ links.across,
+            fourth=rows(whole, [constant - 2 * linear, np.zeros((m, n2)), 2 * linear])
+            @ links.across,
+            step=rows(whole, weights),
+            channels=plant.channels,
+            elements=plant.elements,
+            parameters=plant.parameters,
+        ),
+        seen,
+    )
 
 
 def hermite(spacing: float) -> Array:
@@ -104,27 +140,15 @@ def hermite(spacing: float) -> Array:
 
     Row a source.
     """
-    k = np.arange(POWERS)
-    rows = [np.eye(POWERS)[order] for order in range(3)]
-    rows += [_taylor(1.0, order) for order in range(3)]
+    k = np.arange(DERIVATIVES)
+    ends = np.hstack([taylor(0.0)[:, :3], taylor(1.0)[:, :3]])
     scale_sources = np.tile(spacing ** np.arange(3.0), 2)
-    inverse = np.linalg.inv(np.array(rows)).T
-    return np.asarray(scale_sources[:, None] * inverse / spacing**k)
+    return np.asarray(scale_sources[:, None] * np.linalg.inv(ends) / spacing**k)
 
 
-def quintic(spacing: float, time: float) -> Array:
-    """From x, v, a at both ends of an interval to x, v, a at `time` after its start, (6, 3)."""
-    return np.asarray(hermite(spacing) @ np.array([_taylor(time, k) for k in range(3)]).T)
-
-
-def _taylor(time: float, order: int) -> Array:
-    """Weights of the derivatives at 0 in the derivative `order` at `time`, (6,)."""
-    weights = np.zeros(POWERS)
-    weight = 1.0
-    for k in range(order, POWERS):
-        weights[k] = weight
-        weight *= time / (k - order + 1)
-    return weights
+def taylor(time: float) -> Array:
+    """From x and its derivatives at an instant to the same `time` later, (6, 6), row a source."""
+    return np.asarray(expm(time * np.eye(DERIVATIVES, k=-1)))
 
 
 def all_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
@@ -139,30 +163,16 @@ def all_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
     }
 
 
-def output_matrix(system: SeatSystem, plant: Plant) -> tuple[tuple[str, ...], Array]:
-    """Names of the outputs and their weights (2N + 3 + e, s) of state, base and element forces."""
-    n, e = plant.linear.shape[0], plant.elements.shape[0]
-    size = 3 * n + 3 + e
-    unit = np.eye(size)
-    samples = Samples(
-        time=np.zeros(size),
-        base=unit[:, 3 * n : 3 * n + 3].T,
-        displacement=unit[:, :n],
-        velocity=unit[:, n : 2 * n],
-        acceleration=unit[:, 2 * n : 3 * n],
-        force=unit[:, 3 * n + 3 :],
-        elastic=np.zeros((size, e)),
-    )
-    outputs = all_outputs(system, samples)
-    weights = np.column_stack(list(outputs.values()))
-    state, acceleration = weights[: 2 * n], weights[2 * n : 3 * n]
-    base, force = weights[3 * n : 3 * n + 3].copy(), weights[3 * n + 3 :].copy()
-
-    own, drive = relative_dynamics(plant)
-    for order in range(3):  # absolute motion is the relative one and that of the base
-        base[order] += weights[order * n : (order + 1) * n].sum(0)
-    base += drive.T @ acceleration
-    for j in range(plant.gain.shape[0]):
-        lost = plant.pull[:, j] @ acceleration
-        force[plant.channels[j, ELEMENTS] : plant.channels[j + 1, ELEMENTS]] -= lost
-    return tuple(outputs), np.concatenate([state + own.T @ acceleration, base, force])
+def output_matrix(system: SeatSystem, plant: Plant, links: Links) -> tuple[tuple[str, ...], Array]:
+    """Names of the outputs, and their weights (2N + m + 3, s) of state, channel forces and base."""
+    n = plant.linear.shape[0]
+    names, table = output_table(system, all_outputs)
+    base, z, v, a, force = np.split(table.T, np.cumsum([3, n, n, n]))
+    motions = links.nodes.T
+    acceleration = motions @ a
+    state = np.concatenate([motions @ z, motions @ v]) + links.own.T @ acceleration
+    # absolute motion is the relative one and that of the base
+    base = base + np.array([z.sum(0), v.sum(0), a.sum(0)]) + links.drive.T @ acceleration
+    # all elements of a channel have the same weight: they lie between the same nodes
+    force = force[plant.channels[:-1, ELEMENTS]] - links.pull.T @ acceleration
+    return names, np.concatenate([state, force, base])

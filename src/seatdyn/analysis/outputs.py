@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -41,6 +41,14 @@ def across(system: SeatSystem, samples: Samples, between: tuple[str, str], order
     """Motion of the second node relative to the first, (p,)."""
     first, second = (motion_of(system, samples, node, order) for node in between)
     return second - first
+
+
+def incidence(system: SeatSystem, between: tuple[str, str]) -> Array:
+    """Row over the free nodes and the base, last: second node minus first."""
+    row = np.zeros(system.linear.size + 1)
+    for node, sign in zip(between, (-1.0, 1.0), strict=True):
+        row[-1 if node == BASE else system.linear.index(node)] += sign
+    return row
 
 
 def pairs(system: SeatSystem) -> list[tuple[str, str]]:
@@ -124,6 +132,25 @@ def named_outputs(system: SeatSystem, samples: Samples) -> dict[str, Array]:
         "F_nonlinear": force["nonlinear"],
         "F_damper+nonlinear": force["damper"] + force["nonlinear"],
     }
+
+
+Outputs = Callable[[SeatSystem, Samples], dict[str, Array]]
+
+
+def output_table(
+    system: SeatSystem, outputs: Outputs = named_outputs
+) -> tuple[tuple[str, ...], Array]:
+    """Names of the outputs, and how they depend on u, u', u'', z, z', z'' and element forces.
+
+    Outputs are linear in these, so each column is what they are for a unit of one of them.
+    """
+    n = system.linear.size
+    e = sum(len(channel.elements) for channel in system.channels) + len(system.memory_elements)
+    units = np.eye(3 + 3 * n + e)
+    base, z, v, a, force = np.split(units, np.cumsum([3, n, n, n]), axis=1)
+    samples = Samples(np.zeros(len(units)), base.T, z, v, a, force, np.zeros_like(force))
+    found = outputs(system, samples)
+    return tuple(found), np.array(list(found.values()))
 
 
 def output_unit(name: str) -> str:

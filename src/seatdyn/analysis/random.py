@@ -7,6 +7,7 @@ import math
 import os
 import reprlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 import seatdyn
 from seatdyn.analysis.checkpoint import Checkpoint
-from seatdyn.analysis.ensemble import Ensemble, choose_steps, settling_time
+from seatdyn.analysis.ensemble import LONGEST_STEP, Ensemble, choose_steps, settling_time
 from seatdyn.analysis.linear import poles
 from seatdyn.analysis.random_linear import NOTE, output_coords
 from seatdyn.analysis.transient import check_request
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FEWEST = 8  # realisations before an interval may end an ensemble
 MOST = 1_000_000
-UNBOUNDED = 1e6  # m, m/s2 or N in any output: the motion has no bound
+UNBOUNDED = 1e6  # m, m/s2 or N r.m.s. of any output: the motion has no bound
 
 
 def random_response(
@@ -45,6 +46,8 @@ def random_response(
     confidence: float = 0.95,
     settle: float | None = None,
     step_tolerance: float = 1e-3,
+    spacing: float = LONGEST_STEP,
+    peaks: Sequence[str] | None = None,
     keep: Sequence[str] = (),
     workers: int | None = None,
     checkpoint: str | Path | None = None,
@@ -69,6 +72,10 @@ def random_response(
     settle : s passed over first; by default seven time constants of the slowest pole of the
         linear part, at most 120 s
     step_tolerance : largest `step_error`, 1e-6 .. 0.1; halving ends at steps of 0.02 ms
+    spacing : largest distance in s of the instants that averages, extremes and series are taken
+        at, 1e-5 .. 0.01
+    peaks : names of outputs whose extremes and fourth powers are gathered; by default of all. They
+        have to be worked out at every instant, means and mean squares have not.
     keep : names of outputs whose series are kept
     workers : threads; by default one for every processor
     checkpoint : file (.npz) that finished blocks are written to; a run that was interrupted is
@@ -80,6 +87,7 @@ def random_response(
     xarray.Dataset
         rms, rms_low, rms_high, mean, highest, lowest (output); member_rms, member_fourth (mean of
         x^4)^(1/4), (realisation, output); series (realisation, kept, time) where asked for.
+        highest, lowest and member_fourth are NaN for outputs not among `peaks`.
         Attributes: status, step_error, settle_s, spacing_s, realisations, confidence, seed, ...
 
     Raises
@@ -100,8 +108,9 @@ def random_response(
     True
     """
     request = _Request.check(
-        system, excitation, realisations, interval, confidence, settle, step_tolerance
-    )
+        system, excitation, realisations, interval, confidence, settle, step_tolerance, spacing,
+        peaks,
+    )  # fmt: skip
     ensemble, error = request.prepare()
     kept = [_output(name, ensemble.names) for name in keep]
     store = Checkpoint(checkpoint, request.identity(ensemble)) if checkpoint else None
@@ -129,8 +138,7 @@ def random_response(
                 store.write(moments)
             if progress is not None:
                 progress((number_ + 1) / blocks)
-            largest = np.max(np.abs(block.moments[:, 3:]))
-            if not largest <= UNBOUNDED:
+            if not np.max(block.moments[:, 1]) <= UNBOUNDED**2:
                 status = Status.DIVERGED
                 break
             if request.reached(gathered()):
@@ -239,6 +247,8 @@ class _Request(NamedTuple):
     confidence: float
     settle: float
     step_tolerance: float
+    spacing: float
+    peaks: tuple[str, ...] | None
     stable: bool
 
     @classmethod
@@ -251,6 +261,8 @@ class _Request(NamedTuple):
         confidence: float,
         settle: float | None,
         step_tolerance: float,
+        spacing: float,
+        peaks: Sequence[str] | None,
     ) -> _Request:
         """Refuse what cannot be answered."""
         check_request(system, excitation)
@@ -279,6 +291,8 @@ class _Request(NamedTuple):
             checked(confidence, "confidence", "", 0.5, 0.9999),
             checked(settle, "settle", "s", 0.0, 1e6),
             checked(step_tolerance, "step_tolerance", "", 1e-6, 0.1),
+            checked(spacing, "spacing", "s", 1e-5, LONGEST_STEP),
+            None if peaks is None else tuple(peaks),
             stable,
         )
 
@@ -289,7 +303,12 @@ class _Request(NamedTuple):
         synthesis = Synthesis(motion.spectrum, total, motion.kind)
         settle = round(self.settle / synthesis.step)
         steps, error = choose_steps(self.system, synthesis, motion.seed, self.step_tolerance)
-        return Ensemble.make(self.system, synthesis, settle, motion.seed, steps), error
+        found = Ensemble.make(
+            self.system, synthesis, settle, motion.seed, steps, spacing=self.spacing
+        )
+        if self.peaks is not None:
+            found = replace(found, peaks=tuple(_output(name, found.names) for name in self.peaks))
+        return found, error
 
     def reached(self, members: Array) -> bool:
         """Whether every interval is narrow enough."""
@@ -307,6 +326,8 @@ class _Request(NamedTuple):
                 "excitation": _description(self.excitation),
                 "settle": self.settle,
                 "steps": ensemble.steps,
+                "spacing": ensemble.spacing,
+                "peaks": ensemble.peaks,
                 "version": seatdyn.__version__,
             }
         )

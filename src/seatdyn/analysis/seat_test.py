@@ -286,6 +286,7 @@ class _Plan(NamedTuple):
             self.seed,
             self.steps,
             spacing=SPACING,
+            peaks=(),
             level=self.level,
         )
 

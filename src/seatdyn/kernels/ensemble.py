@@ -6,6 +6,16 @@ of an exponential Runge-Kutta method of order four (Krogstad 2005, J. Comput. Ph
 Breaks of a law are not located: a fixed step serves averages over long records, and its error is
 measured by halving it. Motions are relative to the base, so that a drift of the base costs no
 digits.
+
+All that a step starts from stands in one table of rows, and every stage is one matrix times its
+first rows:
+
+    state | forces at the start | base x, x', ... x''''' | forces of the stages 2, 3, 4
+
+Outputs are linear in the state, the forces at the start and the base x, x', x'', so their mean
+squares follow from the products of these few rows with each other, summed up. Where there are no
+forces, outputs inside a step are linear in the same rows, too, and instants inside cost nothing.
+Only for extremes, fourth powers and series outputs are worked out at every instant.
 """
 
 from __future__ import annotations
@@ -14,174 +24,138 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import ADDRESS, ELEMENTS, FIRST, OFFSET, SECOND
+from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.jit import inlined, kernel
-from seatdyn.kernels.lanes import LANES, add_row, gather_row, set_row
+from seatdyn.kernels.lanes import (
+    LANES,
+    MOMENTS,
+    add_force,
+    gather_extremes,
+    gather_products,
+    multiply,
+)
 
-CHUNK = 8  # nodes of the input that are turned from one row a member to one row a node together
+CHUNK = 8  # nodes of the input that are turned together, and steps that are gathered together
+DERIVATIVES = 6  # of the base displacement, a quintic, from the 0th on
 
 
 class March(NamedTuple):
-    """One step for N free nodes, m channels, e elements, s outputs; states are [r, r'], 2N.
+    """One step for N free nodes, m channels; states are [q, q'], 2N, motions across links.
 
-    Each matrix has a row per quantity that it starts from.
+    Each matrix has a row per quantity that it starts from, in the order of the table of rows.
     """
 
-    state: np.ndarray  # (2N, 2N) to the state at the end of the step
-    inputs: np.ndarray  # (6, 2N) from base x, v, a at both ends
-    forces: np.ndarray  # (4m, 2N) from the forces of the four stages
-    middle: np.ndarray  # (2N + 6, 2m) to d, v across the channels at half a step
-    end: np.ndarray  # (2N + 6, 2m) and at its end
-    stages: np.ndarray  # (5m, 2m) from the forces at the start to stages 2, 3, 4; 2 to 3; 3 to 4
-    inside: np.ndarray  # (S, 6, 3) from base x, v, a at two nodes to that at the ends of S steps
-    outputs: np.ndarray  # (2N + 3 + e, s) from state, base x, v, a and element forces
+    base: np.ndarray  # (6S, 6) from base x, v, a at two nodes to the rows of the S steps between
+    across: np.ndarray  # (2N, 2m) from the state to d, v across the channels
+    second: np.ndarray  # (2N + m + 6, 2m) d, v across the channels at the second stage
+    third: np.ndarray  # (2N + 2m + 6, 2m)
+    fourth: np.ndarray  # (2N + 3m + 6, 2m)
+    step: np.ndarray  # (2N + 4m + 6, 2N) state at the end of the step
     channels: np.ndarray  # as in Plant
-    elements: np.ndarray
+    elements: np.ndarray  # as in Plant, with addresses of laws for lanes
     parameters: np.ndarray
 
 
 @inlined
-def add_rows(matrix, first, count, source, target):
-    """target += matrix[first : first + count].T @ source, lane by lane."""
-    for i in range(target.shape[0]):
-        add_row(matrix, first, count, i, source, target)
-
-
-@inlined
-def set_rows(matrix, first, count, source, target):
-    """The same, beginning from zero."""
-    for i in range(target.shape[0]):
-        set_row(matrix, first, count, i, source, target)
-
-
-@inlined
-def channel_forces(march, motion, force, elements):
-    """Forces of channels (m, L) and elements (e, L) from d, v across the channels (2m, L)."""
-    m = force.shape[0]
+def channel_forces(march, motion, table, at):
+    """Put the forces of the channels, from d, v across them (2m, L), into table[at : at + m]."""
+    m = motion.shape[0] // 2
     for j in range(m):
         for lane in range(LANES):
-            force[j, lane] = 0.0
+            table[at + j, lane] = 0.0
         for e in range(march.channels[j, ELEMENTS], march.channels[j + 1, ELEMENTS]):
             address, offset = march.elements[e, ADDRESS], march.elements[e, OFFSET]
-            for lane in range(LANES):
-                value = call_law(
-                    address, motion[j, lane], motion[m + j, lane], march.parameters, offset
-                )
-                elements[e, lane] = value
-                force[j, lane] += value
+            add_force(address, motion, j, m + j, march.parameters, offset, table, at + j)
 
 
 @inlined
-def across(march, y, motion):
-    """Displacement and velocity across the channels from the state."""
-    m, n = motion.shape[0] // 2, y.shape[0] // 2
-    for j in range(m):
-        a, b = march.channels[j, FIRST], march.channels[j, SECOND]
-        for lane in range(LANES):
-            motion[j, lane] = (y[b, lane] if b >= 0 else 0.0) - (y[a, lane] if a >= 0 else 0.0)
-            motion[m + j, lane] = (y[n + b, lane] if b >= 0 else 0.0) - (
-                y[n + a, lane] if a >= 0 else 0.0
-            )
-
-
-@inlined
-def one_step(march, y, left, right, force, elements, motion, stage, after):
-    """From the states y (2N, L) to those `after` a step, base x, v, a (3, L) at both its ends.
-
-    `force` holds the channel forces at the start, and afterwards those at the end.
-    """
-    n2, m = y.shape[0], force.shape[0]
-    set_rows(march.state, 0, n2, y, after)
-    add_rows(march.inputs, 0, 3, left, after)
-    add_rows(march.inputs, 3, 3, right, after)
-    if m > 0:
-        add_rows(march.forces, 0, m, force, after)
-        relative(march.middle, y, left, right, motion)
-        add_rows(march.stages, 0, m, force, motion)
-        channel_forces(march, motion, stage, elements)
-        add_rows(march.forces, m, m, stage, after)
-
-        relative(march.middle, y, left, right, motion)
-        add_rows(march.stages, m, m, force, motion)
-        add_rows(march.stages, 3 * m, m, stage, motion)
-        channel_forces(march, motion, stage, elements)
-        add_rows(march.forces, 2 * m, m, stage, after)
-
-        relative(march.end, y, left, right, motion)
-        add_rows(march.stages, 2 * m, m, force, motion)
-        add_rows(march.stages, 4 * m, m, stage, motion)
-        channel_forces(march, motion, stage, elements)
-        add_rows(march.forces, 3 * m, m, stage, after)
-
-        across(march, after, motion)
-        channel_forces(march, motion, force, elements)
-
-
-@inlined
-def relative(matrix, y, left, right, motion):
-    """Motion across the channels (2m, L) without what the forces of the step do to it."""
-    n2 = y.shape[0]
-    set_rows(matrix, 0, n2, y, motion)
-    add_rows(matrix, n2, 3, left, motion)
-    add_rows(matrix, n2 + 3, 3, right, motion)
+def stage(march, matrix, table, at, motion, to):
+    """Forces of a stage at table[to:], from the rows at table[at:] and the matrix of the stage."""
+    multiply(matrix, 0, matrix.shape[0], table, at, motion, 0)
+    channel_forces(march, motion, table, to)
 
 
 @inlined
 def turn(x, v, a, node, count, base):
-    """Fill base (k, 3, L) with `count` nodes from `node` of records (L, nodes)."""
+    """Fill base (3k, L) with `count` nodes from `node` of records (L, nodes)."""
     for lane in range(LANES):
         for k in range(count):
-            base[k, 0, lane] = x[lane, node + k]
-            base[k, 1, lane] = v[lane, node + k]
-            base[k, 2, lane] = a[lane, node + k]
+            base[3 * k, lane] = x[lane, node + k]
+            base[3 * k + 1, lane] = v[lane, node + k]
+            base[3 * k + 2, lane] = a[lane, node + k]
+
+
+@inlined
+def copy_rows(table, at, to, count):
+    """table[to : to + count] = table[at : at + count]."""
+    for i in range(count):
+        for lane in range(LANES):
+            table[to + i, lane] = table[at + i, lane]
+
+
+@inlined
+def gather(table, size, times, done, outputs, sample, extremes, series, gram):
+    """Gather some `times` of the table; `done` were gathered before."""
+    gather_products(table, size, times, gram)
+    s = extremes.shape[0]
+    instants, sources = outputs.shape[0] // gram.shape[0], gram.shape[0]
+    for i in range(instants if s > 0 else 0):
+        for time in range(times):
+            multiply(outputs, i * sources, sources, table, time * size, sample, time * s)
+        gather_extremes(sample, times, extremes)
+        for lane in range(LANES):
+            for q in range(series.shape[1]):
+                for time in range(times):
+                    series[lane, q, (done + time) * instants + i] = sample[time * s + q, lane]
 
 
 @kernel
-def march_block(march, x, v, a, settle, every, y, wanted, series):
+def march_block(march, x, v, a, settle, every, start, outputs, series, gram):
     """March a block of members over their records.
 
     x, v, a : (L, nodes) base displacement, velocity, acceleration, a row a member
     settle : intervals between nodes that are passed over before anything is gathered
-    every : steps from one instant that is gathered to the next; it divides those of an interval
-    y : (2N, L) states [r, r'] at the first node; its memory is used
-    wanted, series : outputs (q,) to be kept as series, (L, q, instants)
+    every : steps from one that is gathered to the next; it divides those of an interval
+    start : (2N, L) states [q, q'] at the first node
+    outputs : (I K, s) from the first K rows to s outputs at I instants of a step gathered
+    series : (L, q, instants) that the first q outputs are written to
+    gram : (K, K + 1, L) zeros; products of the first K rows over the steps gathered, and their sums
 
-    Returns the states at the end, (2N, L), and the statistics of every output over the instants
-    gathered, (s, 5, L): sum, of squares, of fourth powers, lowest, highest.
+    Returns sums of fourth powers, lowest and highest of the outputs, (s, 3, L).
     """
-    n2, m = y.shape[0], march.stages.shape[1] // 2
-    e, s = march.elements.shape[0], march.outputs.shape[1]
-    steps, intervals = march.inside.shape[0], x.shape[1] - 1
-    base = np.empty((CHUNK + 1, 3, LANES))
-    left, right = np.empty((3, LANES)), np.empty((3, LANES))
-    after, motion = np.empty((n2, LANES)), np.empty((2 * m, LANES))
-    force, stage, elements = np.zeros((m, LANES)), np.empty((m, LANES)), np.zeros((e, LANES))
-    sample, statistics = np.empty((s, LANES)), np.zeros((s, 5, LANES))
-    statistics[:, 3], statistics[:, 4] = np.inf, -np.inf
+    n2, m = start.shape[0], march.across.shape[1] // 2
+    steps, intervals, s = march.base.shape[0] // DERIVATIVES, x.shape[1] - 1, outputs.shape[1]
+    size = march.step.shape[0]
+    table, base = np.zeros(((CHUNK + 1) * size, LANES)), np.empty((3 * (CHUNK + 1), LANES))
+    motion, sample = np.empty((2 * m, LANES)), np.empty((CHUNK * s, LANES))
+    extremes = np.zeros((s, MOMENTS, LANES))
+    extremes[:, 1], extremes[:, 2] = np.inf, -np.inf
+    table[:n2] = start
+    quintic, late = n2 + m, n2 + m + DERIVATIVES
+    waiting, done = 0, 0  # times in the table that are to be gathered, and that were
 
-    across(march, y, motion)
-    channel_forces(march, motion, force, elements)
     for begin in range(0, intervals, CHUNK):
-        size = min(CHUNK, intervals - begin)
-        turn(x, v, a, begin, size + 1, base)
-        left[:] = base[0]
-        for k in range(size):
-            here, there = base[k], base[k + 1]
+        length = min(CHUNK, intervals - begin)
+        turn(x, v, a, begin, length + 1, base)
+        for k in range(length):
             for step in range(steps):
-                place = (begin + k - settle) * steps + step
-                if place >= 0 and step % every == 0:
-                    set_rows(march.outputs, 0, n2, y, sample)
-                    add_rows(march.outputs, n2, 3, left, sample)
-                    add_rows(march.outputs, n2 + 3, e, elements, sample)
-                    for i in range(s):
-                        gather_row(sample, i, statistics)
-                    for q in range(wanted.size):
-                        for lane in range(LANES):
-                            series[lane, q, place // every] = sample[wanted[q], lane]
-                set_rows(march.inside[step], 0, 3, here, right)
-                add_rows(march.inside[step], 3, 3, there, right)
-                one_step(march, y, left, right, force, elements, motion, stage, after)
-                y, after = after, y
-                left, right = right, left
-    return y, statistics
+                at = waiting * size
+                multiply(
+                    march.base, step * DERIVATIVES, DERIVATIVES, base, 3 * k, table, at + quintic
+                )
+                if m > 0:
+                    stage(march, march.across, table, at, motion, at + n2)
+                    stage(march, march.second, table, at, motion, at + late)
+                    stage(march, march.third, table, at, motion, at + late + m)
+                    stage(march, march.fourth, table, at, motion, at + late + 2 * m)
+                after = (waiting + 1) * size
+                multiply(march.step, 0, size, table, at, table, after)
+                if begin + k >= settle and step % every == 0:
+                    waiting += 1
+                    if waiting < CHUNK:
+                        continue
+                    gather(table, size, CHUNK, done, outputs, sample, extremes, series, gram)
+                    waiting, done = 0, done + CHUNK
+                copy_rows(table, after, waiting * size, n2)
+    gather(table, size, waiting, done, outputs, sample, extremes, series, gram)
+    return extremes

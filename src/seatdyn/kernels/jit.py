@@ -28,6 +28,7 @@ MEMORY_FORCE = types.float64(
     types.float64, types.float64, types.CPointer(types.float64), types.CPointer(types.float64)
 )
 MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
+LANES_LAW = types.void(types.int64, *[types.CPointer(types.float64)] * 4)
 COMPILE_HINT_AFTER = 1.0  # s; a cached start is over by then
 
 
@@ -117,6 +118,9 @@ def spliced(function: Callable[..., Any]) -> Any:
 def compiled_law(function: Callable[..., Any], name: str, signature: Any = LAW) -> Any:
     """Compile a force law F(d, v, p) to a C function; `address` of the result is its address."""
     from seatdyn.errors import ModelError
+    from seatdyn.kernels.laws import arctangent
+
+    _jitable(arctangent)  # laws call it
 
     def make(f: Callable[..., Any], *, cache: bool) -> Any:
         return numba.cfunc(signature, cache=cache, error_model="numpy")(f)
@@ -169,9 +173,35 @@ def shifted(
     return law
 
 
+@functools.cache
+def _over_lanes(function: Callable[[float, float, Any], float]) -> Callable[..., None]:
+    """Add the forces of a law at `count` pairs d, v to `force`.
+
+    Were the count known, the loop would be unrolled, and its vectors lost.
+    """
+    plain = _jitable(function)
+
+    def law(count: int, d: Any, v: Any, p: Any, force: Any) -> None:
+        for lane in range(count):
+            force[lane] += plain(d[lane], v[lane], p)
+
+    # the disk cache looks for changes where the law is written, not here
+    place = function.__code__
+    law.__code__ = law.__code__.replace(
+        co_filename=place.co_filename, co_firstlineno=place.co_firstlineno
+    )
+    law.__module__ = function.__module__
+    return law
+
+
 def law_address(function: Callable[..., Any], name: str, signature: Any = LAW) -> int:
     """Address of the compiled force law."""
     return int(compiled_law(function, name, signature).address)
+
+
+def lanes_law_address(function: Callable[[float, float, Any], float], name: str) -> int:
+    """Address of the compiled law that adds the forces of many members at once."""
+    return law_address(_over_lanes(function), name, LANES_LAW)
 
 
 def _say() -> None:

@@ -42,7 +42,8 @@ class ContactStop(NonlinearElement):
         breaks = [Break(1.0, 0.0, edge, jumps=False) for edge in sorted({-b, r})]
         if slowing > 0.0:
             breaks += [Break(0.0, 1.0, sign / slowing, jumps=False) for sign in (-1.0, 1.0)]
-        return Law(laws.contact, (self.stiffness, -b, r, self.exponent, slowing), tuple(breaks))
+        law = laws.hertz if self.exponent == HERTZ else laws.contact
+        return Law(law, (self.stiffness, -b, r, self.exponent, slowing), tuple(breaks))
 
     def about(self, travel: float) -> NonlinearElement:
         """With the clearances that are left."""

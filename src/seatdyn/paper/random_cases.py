@@ -154,7 +154,7 @@ def members(case: RandomCase) -> Members:
     synthesis = Synthesis(reading.noise(case.back_on), settle + reading.duration)
     steps, error = choose_steps(system, synthesis, SEED, STEP_TOLERANCE, drift=drift)
     skipped = round(settle / synthesis.step)
-    ensemble = Ensemble.make(system, synthesis, skipped, SEED, steps, drift=drift)
+    ensemble = Ensemble.make(system, synthesis, skipped, SEED, steps, peaks=(), drift=drift)
     columns = [ensemble.names.index(name) for name in RATIO_OUTPUTS]
     squares = np.empty((0, len(columns)))
     while len(squares) < reading.realisations:
