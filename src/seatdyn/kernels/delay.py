@@ -213,11 +213,11 @@ def late_step(
                 fill_node(
                     plant, late, record, marks, steps, s, t + C[s] * h, C[s] < 0.5, segment, nodes
                 )
-            for i in range(2 * n):
-                total = 0.0
-                for q in range(s):
-                    total += A[s, q] * k[q, i]
-                y1[i] = y[i] + h * total
+            copy(y, y1)
+            for q in range(s):
+                weight = h * A[s, q]
+                for i in range(2 * n):
+                    y1[i] += weight * k[q, i]
             accelerate(plant, late, min(s, 5), y1, side, held, holding, nodes)
             for i in range(n):
                 k[s, i] = y1[n + i]
