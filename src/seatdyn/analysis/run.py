@@ -21,6 +21,7 @@ from seatdyn.kernels import dense, integrate
 from seatdyn.kernels.exponential import Ladder
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.plant import FREE, Plant
+from seatdyn.kernels.together import compile_together
 from seatdyn.model.excitation import Motion
 from seatdyn.model.system import SeatSystem
 
@@ -207,6 +208,7 @@ class Problem:
         code, scale, n = integrate.OK, self.floor, self.system.linear.size
         for begin, stop in pairwise(times):
             with CompileNotice(), interruptible():
+                compile_together(integrate.__name__)
                 code, count, side, held, record, mark = integrate.integrate(
                     self.plant,
                     self.ladder,

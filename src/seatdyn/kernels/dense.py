@@ -7,14 +7,16 @@ import numpy as np
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.holding import held_element_forces
-from seatdyn.kernels.jit import inner, kernel
+from seatdyn.kernels.jit import inner, kernel, takes
 from seatdyn.kernels.plant import (
+    PLANT,
     accelerations,
     base_motion,
     on_side,
     relative,
     segment_at,
 )
+from seatdyn.kernels.shapes import INTEGER, INTEGER_TABLE, INTEGERS, TABLE, VECTOR
 
 # numpy's integers, for which functions are not compiled one by one as for those of Python
 SINGLE, FIRST_HALF, SECOND_HALF = np.arange(
@@ -80,6 +82,7 @@ def solution(record, i, part, share, n, y):
         )  # fmt: skip
 
 
+@takes(PLANT, TABLE, INTEGER_TABLE, INTEGERS, VECTOR)
 @kernel
 def sample(plant, record, marks, index, share):
     """Solution at `share` (0..1) of the steps `index`, on the branch that each step was on.
@@ -119,6 +122,7 @@ def sample(plant, record, marks, index, share):
     return times, bases, z, v, a, forces, elastic
 
 
+@takes(PLANT, INTEGER, VECTOR, VECTOR)
 @kernel
 def element_forces(plant, j, d, v):
     """Forces (p, e) of the elements of channel j at displacements d and velocities v (p,)."""

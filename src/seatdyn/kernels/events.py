@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
-from seatdyn.kernels.jit import inlined, inner
-from seatdyn.kernels.plant import channel_force, relative, relative_acceleration
+from seatdyn.kernels.jit import inlined, inner, stage, takes
+from seatdyn.kernels.plant import PLANT, channel_force, relative, relative_acceleration
+from seatdyn.kernels.shapes import BASE, INTEGERS, REAL, VECTOR
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
 TOUCH = 1e-6  # of a step: a dip narrower than this is none
@@ -136,7 +137,10 @@ def first_zero(b, tolerance):
     return low + s * size
 
 
-@inner
+@takes(
+    PLANT, REAL, BASE, BASE, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL, REAL, VECTOR
+)
+@stage
 def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
     """Earliest break met in the step: share of the step (2 if none), its row and channel.
 
@@ -193,7 +197,8 @@ def one_sided_forces(plant, r, j, y, base, side):
     return below, above
 
 
-@inner
+@takes(PLANT, VECTOR, BASE, VECTOR, INTEGERS)
+@stage
 def sides_of(plant, y, base, acceleration, side):
     """Set the side of every break from the state: by value, then velocity, then acceleration."""
     for j in range(plant.gain.shape[0]):

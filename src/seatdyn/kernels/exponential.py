@@ -6,10 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
-from seatdyn.kernels.jit import allocating, inlined, inner
-from seatdyn.kernels.plant import channel_force, segment_motion
+from seatdyn.kernels.jit import allocating_stage, inlined, stage, takes
+from seatdyn.kernels.plant import PLANT, channel_force, segment_motion
 from seatdyn.kernels.product import multiply
+from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGERS, REAL, STACK, TABLE, VECTOR
 
 LEVELS = 16  # step sizes of the ladder, each twice the one before
 NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
@@ -52,7 +54,14 @@ class Work(NamedTuple):
     sizes: np.ndarray  # (2, inputs) of what a constant and a third polynomial stand for
 
 
-@allocating
+LADDER = types.NamedTuple(
+    [VECTOR, types.boolean, STACK, BLOCK, BLOCK, BLOCK, BLOCK, TABLE, STACK], Ladder
+)
+WORK = types.NamedTuple([VECTOR, TABLE, VECTOR, TABLE, VECTOR, VECTOR, VECTOR, TABLE, TABLE], Work)
+
+
+@takes(LADDER)
+@allocating_stage
 def make_work(ladder):
     """Arrays for the steps of a ladder."""
     m = ladder.unknown.shape[1] // 4
@@ -218,7 +227,11 @@ def interpolation_error(h, y0, a0, result, z_tolerance, v_tolerance):
     return c3 * max(0.057 / z_tolerance, 0.18 / (k * v_tolerance))
 
 
-@inner
+@takes(
+    PLANT, LADDER, INTEGER, INTEGER, REAL, INTEGER, VECTOR, VECTOR, VECTOR, INTEGERS, REAL, REAL,
+    WORK,
+)  # fmt: skip
+@stage
 def ladder_step(
     plant, ladder, level, level_before, t, segment, y, a0, force0, side, z_tolerance, v_tolerance,
     work,
@@ -246,13 +259,14 @@ def ladder_step(
     return iterations, error, gap
 
 
-@inner
+@takes(WORK, VECTOR)
+@stage
 def keep_forces(work, force0):
     """After an accepted step: its nodal forces for the next guess, its last one as start."""
     m = force0.size
     first = work.row.size - 5 * m
-    for q in range(5):
-        for j in range(m):
+    for j in range(m):
+        for q in range(5):
             work.before[q, j] = work.row[first + q * m + j]
     for j in range(m):
         force0[j] = work.before[4, j]

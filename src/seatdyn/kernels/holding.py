@@ -12,11 +12,13 @@ import numpy as np
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import one_sided_forces, resting_on
-from seatdyn.kernels.jit import allocating, inner
-from seatdyn.kernels.plant import FREE, accelerations, base_motion, on_side, relative
+from seatdyn.kernels.jit import allocating, stage, takes
+from seatdyn.kernels.plant import FREE, PLANT, accelerations, base_motion, on_side, relative
+from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, VECTOR
 
 
-@inner
+@takes(PLANT, REAL, INTEGER, VECTOR, INTEGERS, INTEGERS, VECTOR)
+@stage
 def held_margin(plant, t, segment, y, side, held, force):
     """Smallest distance of a holding force to the ends of its jump, and its channel."""
     base = base_motion(plant, t, segment)
@@ -77,7 +79,8 @@ def held_element_forces(plant, j, y, base, side, r, force, result):
         result[e] += share * (above - result[e])
 
 
-@inner
+@takes(PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGERS, INTEGERS, VECTOR)
+@stage
 def release(plant, t, segment, y, j, side, held, force):
     """Let channel j go to the side that its balancing force points to."""
     base = base_motion(plant, t, segment)

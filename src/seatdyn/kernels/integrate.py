@@ -15,17 +15,27 @@ import numpy as np
 
 from seatdyn.kernels import exponential as ex
 from seatdyn.kernels.columns import IS_JUMP
-from seatdyn.kernels.dense import FIRST_HALF, SECOND_HALF, SINGLE, state_within
+from seatdyn.kernels.dense import (
+    FIRST_HALF,
+    SECOND_HALF,
+    SINGLE,
+    element_forces,
+    sample,
+    state_within,
+)
 from seatdyn.kernels.events import ROUNDING, break_tolerance, distance, find_event, sides_of
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
-from seatdyn.kernels.jit import allocating, inner, kernel
+from seatdyn.kernels.jit import allocating, inner, kernel, stage, takes
 from seatdyn.kernels.plant import (
+    PLANT,
     accelerations,
     base_motion,
     is_holding,
     segment_at,
 )
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
+from seatdyn.kernels.shapes import INTEGER, INTEGER_TABLE, INTEGERS, REAL, TABLE, VECTOR
+from seatdyn.kernels.together import Shares
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
 LARGEST = 1e9  # m or m/s: no seat moves that far
@@ -47,7 +57,11 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@inner
+@takes(
+    PLANT, REAL, TABLE, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL,
+    REAL, VECTOR,
+)  # fmt: skip
+@stage
 def first_break(plant, half, base, y, a0, ym, am, y1, a1, side, held, z_scale, v_scale, scratch):
     """Earliest break met in a ladder step, in half steps (2: none), its row and channel."""
     start = (base[0, 0], base[0, 1], base[0, 2])
@@ -64,7 +78,11 @@ def first_break(plant, half, base, y, a0, ym, am, y1, a1, side, held, z_scale, v
     return (1.0 + share if row >= 0 else 2.0), row, channel
 
 
-@inner
+@takes(
+    PLANT, REAL, REAL, INTEGER, VECTOR, VECTOR, VECTOR, REAL, INTEGER, INTEGER, INTEGERS, INTEGERS,
+    REAL, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
+)  # fmt: skip
+@stage
 def cut(
     plant, t, half, segment, y0, a0, result, reach, row, channel, side, held, tolerance, y_end,
     y_middle, acceleration, force, force0,
@@ -98,7 +116,11 @@ def cut(
     return reach
 
 
-@inner
+@takes(
+    PLANT, REAL, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR, INTEGER,
+    INTEGER, REAL,
+)  # fmt: skip
+@stage
 def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, channel, tolerance):
     """Take a step of about `trial` s, at most `high`, that ends on break `row`.
 
@@ -126,7 +148,8 @@ def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, chann
     return h
 
 
-@inner
+@takes(PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGER, INTEGERS, INTEGERS, REAL, VECTOR)
+@stage
 def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force):
     """Go over to the other side of a break, or rest on it."""
     side[row] = -side[row]
@@ -143,7 +166,8 @@ def grow(old, new):
     return new
 
 
-@inner
+@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, INTEGER)
+@stage
 def save_step(record, marks, i, t, y, a0, a1, side, held, part):
     """Write step i: time, state and acceleration at its start, acceleration at its end, marks."""
     n = a0.size
@@ -381,3 +405,20 @@ def integrate(
             pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force)
     save_step(record, marks, steps, t, y, a0, a0, side, held, SINGLE)
     return status, events, side, held, record[: steps + 1].copy(), marks[: steps + 1].copy()
+
+
+SHARES = Shares(
+    here=(accelerations, base_motion, rk_step, held_margin, release, pass_break, land),
+    there=(
+        find_event,
+        first_break,
+        ex.ladder_step,
+        ex.keep_forces,
+        save_step,
+        rk_error,
+        sides_of,
+        ex.make_work,
+        cut,
+    ),
+    later=(sample, element_forces),
+)

@@ -20,6 +20,7 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.core import event
 
 logger = logging.getLogger("seatdyn")
 
@@ -29,7 +30,7 @@ MEMORY_FORCE = types.float64(
 )
 MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
 LANES_LAW = types.void(types.int64, *[types.CPointer(types.float64)] * 4)
-COMPILE_HINT_AFTER = 1.0  # s; a cached start is over by then
+COMPILE_HINT_AFTER = 1.0  # s
 
 
 @functools.cache
@@ -74,13 +75,18 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls: on first use, cached on disk, without the lock."""
 
     def make(f: Callable[..., Any], *, cache: bool) -> Any:
-        return numba.njit(f, cache=cache, nogil=True, error_model="numpy")
+        njit: Any = numba.njit  # the flag is missing from its stub; nothing calls kernels from C
+        return njit(f, cache=cache, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
     return _compile(make, function)
 
 
 def inner(
-    function: Callable[..., Any], *, forceinline: bool = False, allocates: bool = False
+    function: Callable[..., Any],
+    *,
+    forceinline: bool = False,
+    allocates: bool = False,
+    cache: bool = False,
 ) -> Any:
     """Compile a function that only kernels call: part of what is cached for them.
 
@@ -90,6 +96,7 @@ def inner(
     njit: Any = numba.njit  # the flags for the wrappers are missing from its stub
     return njit(
         function,
+        cache=cache,
         nogil=True,
         error_model="numpy",
         forceinline=forceinline,
@@ -99,9 +106,29 @@ def inner(
     )
 
 
-def allocating(function: Callable[..., Any]) -> Any:
+def allocating(function: Callable[..., Any], *, cache: bool = False) -> Any:
     """The same for functions that make arrays."""
-    return inner(function, allocates=True)
+    return inner(function, allocates=True, cache=cache)
+
+
+def stage(function: Callable[..., Any]) -> Any:
+    """The same for large parts of a kernel: each kept on disk by itself (see `together`)."""
+    return _compile(inner, function)
+
+
+def allocating_stage(function: Callable[..., Any]) -> Any:
+    """The same for parts that make arrays."""
+    return _compile(allocating, function)
+
+
+def takes(*arguments: types.Type) -> Callable[[Any], Any]:
+    """Tell the types of a function's arguments, so that it can be compiled before it is called."""
+
+    def tell(compiled: Any) -> Any:
+        compiled.arguments = arguments
+        return compiled
+
+    return tell
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -204,11 +231,7 @@ def lanes_law_address(function: Callable[[float, float, Any], float], name: str)
     return law_address(_over_lanes(function), name, LANES_LAW)
 
 
-def _say() -> None:
-    logger.warning("compiling the kernels (once per installation, about 20 s) ...")
-
-
-class CompileNotice:
+class CompileNotice(event.Listener):
     """Says through the log, once, that kernels are being compiled, if that takes noticeable time.
 
     >>> with CompileNotice():
@@ -218,14 +241,27 @@ class CompileNotice:
     _said = False
 
     def __enter__(self) -> None:
-        """Start the clock."""
-        self._timer = None if CompileNotice._said else threading.Timer(COMPILE_HINT_AFTER, _say)
-        if self._timer is not None:
+        """Listen; loading code from the cache is no event."""
+        self._timer: threading.Timer | None = None
+        event.register("numba:compile", self)
+
+    def on_start(self, _: event.Event) -> None:
+        """Start the clock with the first function."""
+        if self._timer is None and not CompileNotice._said:
+            self._timer = threading.Timer(COMPILE_HINT_AFTER, self._say)
             self._timer.daemon = True
             self._timer.start()
 
+    def on_end(self, _: event.Event) -> None:
+        """Go on: the next function may follow."""
+
     def __exit__(self, *_: object) -> None:
-        """Stop the clock; compiled code stays loaded, so later calls need no notice."""
+        """Stop the clock."""
+        event.unregister("numba:compile", self)
         if self._timer is not None:
             self._timer.cancel()
+
+    @staticmethod
+    def _say() -> None:
         CompileNotice._said = True
+        logger.warning("compiling the kernels (once per installation, about 20 s) ...")

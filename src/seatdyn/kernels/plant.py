@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import (
@@ -20,7 +21,8 @@ from seatdyn.kernels.columns import (
     SECOND,
     VALUE,
 )
-from seatdyn.kernels.jit import allocating, inlined, inner
+from seatdyn.kernels.jit import allocating, inlined, inner, stage, takes
+from seatdyn.kernels.shapes import BASE, INTEGER, INTEGER_TABLE, INTEGERS, REAL, TABLE, VECTOR
 
 FREE = -1  # a channel that is not held at a jump
 
@@ -44,6 +46,11 @@ class Plant(NamedTuple):
     sines: np.ndarray  # (n, 3)
 
 
+PLANT = types.NamedTuple(
+    [TABLE, TABLE, TABLE, INTEGER_TABLE, INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE], Plant
+)
+
+
 @inlined
 def segment_motion(plant, t, k):
     """Displacement, velocity and acceleration of segment k of the base motion."""
@@ -65,7 +72,8 @@ def segment_motion(plant, t, k):
     return x, v, a
 
 
-@inner
+@takes(PLANT, REAL, INTEGER)
+@stage
 def base_motion(plant, t, segment):
     """Base displacement, velocity and acceleration."""
     x, v, a = segment_motion(plant, t, segment)
@@ -233,7 +241,8 @@ def free_accelerations(plant, base, y, side, acceleration, force):
             acceleration[i] -= plant.pull[i, j] * force[j]
 
 
-@inner
+@takes(PLANT, BASE, VECTOR, INTEGERS, INTEGERS, VECTOR, VECTOR)
+@stage
 def accelerations(plant, base, y, side, held, acceleration, force):
     """The same with the channels that are held at a jump kept where they are."""
     free_accelerations(plant, base, y, side, acceleration, force)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatdyn.kernels.jit import inner
-from seatdyn.kernels.plant import accelerations, base_motion
+from seatdyn.kernels.jit import stage, takes
+from seatdyn.kernels.plant import PLANT, accelerations, base_motion
+from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, TABLE, VECTOR
 
 C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
 A = np.array(
@@ -22,7 +23,8 @@ A = np.array(
 E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-@inner
+@takes(PLANT, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR)
+@stage
 def rk_step(plant, t, h, segment, y, k, side, held, y1, force):
     """One step from y; k (7, 2N) has its first row set, gets the others; fills y1 and force."""
     n = y.size // 2
@@ -38,7 +40,8 @@ def rk_step(plant, t, h, segment, y, k, side, held, y1, force):
         accelerations(plant, base, y1, side, held, k[s, n:], force)
 
 
-@inner
+@takes(TABLE, REAL, INTEGER, REAL, REAL)
+@stage
 def rk_error(k, h, n, z_tolerance, v_tolerance):
     """Largest estimated error of the step over its tolerance."""
     worst = 0.0
