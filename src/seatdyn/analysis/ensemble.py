@@ -127,7 +127,10 @@ class Ensemble:
         x, v, a = self.base(block)
         if nodes is not None:
             x, v, a = (np.ascontiguousarray(motion[:, :nodes]) for motion in (x, v, a))
-        settle = self.settle if settle < 0 else settle
+        return self.respond(x, v, a, wanted, self.settle if settle < 0 else settle)
+
+    def respond(self, x: Array, v: Array, a: Array, wanted: Sequence[str], settle: int) -> Block:
+        """Response of a block to base displacement, velocity and acceleration, (L, nodes)."""
         size = self.march.across.shape[0]
         start = np.zeros((size, LANES))  # at rest relative to the base
         if self.drift is not None:  # at rest: only the suspension moves
@@ -139,7 +142,8 @@ class Ensemble:
                 f"series of {len(wanted)} outputs over {gathered * instants} instants need more "
                 f"than {MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
             )
-        watched = [self.names.index(name) for name in dict.fromkeys((*wanted, *self.peaks))]
+        others = (name for name in self.peaks if name not in wanted)
+        watched = [self.names.index(name) for name in (*wanted, *others)]
         outputs = self.outputs[:, :, watched].reshape(instants * sources, len(watched))
         series = np.empty((LANES, len(wanted), gathered * instants))
         gram = np.zeros((sources, sources + 1, LANES))
