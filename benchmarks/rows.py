@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 
 
@@ -15,7 +16,7 @@ class Row:
     ours, theirs : s for the work, or for one of many
     peer : who does it beside us
     error, peer_error : of the answers, as the script says; NaN where there is none
-    target : of the ratio theirs / ours
+    target : of the ratio theirs / ours; NaN where none was set
     limit : how far ours is from what the machine could do, and what stands between
     """
 
@@ -58,7 +59,8 @@ def markdown(rows: list[Row]) -> str:
     lines += [
         f"| {row.work} | {duration(row.ours)} ({row.error:.0e}) "
         f"| {row.peer}: {duration(row.theirs)} ({row.peer_error:.0e}) | {row.ratio:.3g} "
-        f"| {row.target:g}{'' if row.ratio >= row.target else ' **short**'} | {row.limit} |"
+        f"| {'none' if math.isnan(row.target) else f'{row.target:g}'}"
+        f"{' **short**' if row.ratio < row.target else ''} | {row.limit} |"
         for row in rows
     ]
     return "\n".join(lines) + "\n"
