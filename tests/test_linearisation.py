@@ -12,6 +12,7 @@ from scipy.stats import norm
 import seatdyn as sd
 from conftest import OFF, ON, oscillator, paper_system
 from seatdyn.analysis.gaussian import equivalent
+from seatdyn.analysis.gaussian_states import Joint, equivalent_states
 from seatdyn.analysis.random_linear import linear_response
 
 EM3 = sd.seat_test_input("EM3")
@@ -236,6 +237,124 @@ def test_no_answer_is_said():
         equivalent(sd.QuadraticDamper(1.0), 0.0, 1.0)
     with pytest.raises(sd.RequestError, match="no force law"):
         equivalent(sd.Spring(1.0), 1.0, 1.0)
-    late = paper_system(sd.QuadraticDamper(100.0, delay=0.02))
-    with pytest.raises(sd.RequestError, match="delay"):
-        sd.statistical_linearisation(late, EM3)
+
+
+# ---------------------------------------------------------------- elements with states, delays
+
+
+def inert(*elements, delay=0.0):
+    """A mass of 80 kg on a spring, a damper and these."""
+    body = sd.SeatedBody("inert", {"seat": 60.0}, ())
+    seat = sd.Seat(20.0, [sd.Spring(8000.0), sd.Damper(300.0), *elements], delay=delay)
+    return sd.SeatSystem(body, seat)
+
+
+def wen(hysteresis, s_v, s_z, correlation):
+    """Coefficients of v and z in the rate of z, n = 1; Wen 1980, J. Appl. Mech. 47:150-154."""
+    root = math.sqrt(2.0 / math.pi)
+    gamma, beta = hysteresis.gamma, hysteresis.beta
+    speed = hysteresis.scale - root * s_z * (gamma * correlation + beta)
+    return speed, -root * s_v * (gamma + beta * correlation)
+
+
+HYSTERESIS = sd.BoucWen(6e3, 0.2, gamma=60.0, beta=25.0, exponent=1.0, scale=1.0, viscous=15.0)
+
+
+def test_hysteresis_has_the_coefficients_of_wen():
+    s_d, s_v, s_z, of_d, of_v = 0.02, 0.25, 0.008, 0.7, 0.35
+    covariance = np.diag([s_v**2, s_z**2, s_d**2])  # in the order of integration
+    covariance[0, 1] = covariance[1, 0] = of_v * s_v * s_z
+    covariance[1, 2] = covariance[2, 1] = of_d * s_d * s_z
+    assert Joint(HYSTERESIS).variables == [1, 4, 0]
+    found = equivalent_states(HYSTERESIS, np.zeros(3), np.linalg.cholesky(covariance))
+    speed, state = wen(HYSTERESIS, s_v, s_z, of_v)
+    assert found.form.e[0] == pytest.approx(speed, rel=1e-8)
+    assert found.form.a[0, 0] == pytest.approx(state, rel=1e-8)
+    assert abs(found.form.b[0]) < 1e-8 * speed * s_v / s_d
+    linear = (found.form.k, found.form.g, found.form.c[0])
+    assert linear == pytest.approx((0.2 * 6e3, 15.0, 0.8 * 6e3), rel=1e-9)
+    assert abs(found.mean) < 1e-9 * found.rms
+
+
+def test_hysteretic_oscillator_against_the_closed_form_of_wen():
+    """The fixed point of his coefficients, with covariances by a sum over frequencies."""
+    f = np.linspace(EM3.low, EM3.high, 40001)
+    s, weight = 2j * np.pi * f, EM3.density(f) * (f[1] - f[0])
+    weight[[0, -1]] /= 2
+    speed, state = 1.0, -5.0
+    for _ in range(200):
+        z = speed * s / (s - state)  # per travel
+        stiffness = 8000.0 + 300.0 * s + 1200.0 + 4800.0 * z + 15.0 * s
+        travel = -80.0 / (80.0 * s**2 + stiffness)  # per acceleration of the base
+        motions = (travel, s * travel, z * travel)
+        s_d, s_v, s_z = (math.sqrt(np.sum(weight * abs(x) ** 2)) for x in motions)
+        product = np.sum(weight * (s * travel * np.conj(z * travel)).real)
+        speed, state = wen(HYSTERESIS, s_v, s_z, product / (s_v * s_z))
+    found = sd.statistical_linearisation(inert(HYSTERESIS), EM3)
+    assert found.attrs["status"] == "converged"
+    assert found.rms.sel(output="seat-base").item() == pytest.approx(s_d, rel=1e-6)
+    soft = sd.statistical_linearisation(inert(), EM3)
+    assert found.rms.sel(output="seat-base").item() < 0.8 * soft.rms.sel(output="seat-base").item()
+
+
+class Foam(sd.Zener):
+    """A linear element that goes the way of those that are not."""
+
+    is_linear = False
+
+
+def test_a_linear_element_with_states_comes_out_exact():
+    foam = (40e3, 30e3, 0.05)
+    found = sd.statistical_linearisation(inert(Foam(*foam)), EM3)
+    exact = linear_response(inert(sd.Zener(*foam)), EM3)
+    assert found.attrs["status"] == "converged"
+    shown = exact.rms > 1e-12
+    np.testing.assert_allclose(found.rms[shown], exact.rms[shown], rtol=1e-8)
+    assert not np.any(np.abs(found["mean"]) > 1e-9 * exact.rms.max())
+
+
+def test_a_constant_command_is_a_damper():
+    found = sd.statistical_linearisation(
+        inert(sd.SemiActiveDamper(100.0, 2000.0, 0.01, command=700.0)), EM3
+    )
+    exact = linear_response(inert(sd.Damper(700.0)), EM3)
+    assert found.attrs["status"] == "converged"
+    for name in ("acc_seat", "seat-base"):
+        got, want = (data.rms.sel(output=name).item() for data in (found, exact))
+        assert got == pytest.approx(want, rel=1e-6)
+
+
+def test_air_that_flows_more_freely_comes_nearer_to_one_volume():
+    """A bellows stiffens in bump, so that the mean goes up; the restriction enters linearly."""
+    numbers, tank = (5e5, 4e-3, 6e-4), 2e-3
+    one = sd.statistical_linearisation(
+        inert(sd.AirSpring(*numbers[:2], numbers[2] + tank, exponent=1.3)), EM3
+    )
+    wanted = one.sel(output="seat-base")
+    found = []
+    for restriction in (1e6, 2e6):
+        air = sd.AirSpringWithTank(*numbers, tank, restriction=restriction, exponent=1.3)
+        got = sd.statistical_linearisation(inert(air), EM3).sel(output="seat-base")
+        found.append(np.array([got.deviation.item(), got["mean"].item()]))
+    wide = np.array([wanted.deviation.item(), wanted["mean"].item()])
+    less, more = (np.abs(pair / wide - 1.0) for pair in found)
+    assert np.all((less > 0.01) & (more < 0.1))
+    # without a restriction, to second order in what it changes
+    assert np.all(np.abs((2 * found[0] - found[1]) / wide - 1.0) < 2 * more**2)
+    assert wide[1] > 1e-4
+
+
+def test_late_forces():
+    """A delayed linear system is its own equivalent; a late damper has that of its speed."""
+    system = inert(sd.Damper(200.0, delay=0.03))
+    found = sd.statistical_linearisation(system, EM3)
+    np.testing.assert_allclose(found.rms, linear_response(system, EM3).rms, rtol=1e-12)
+    late = sd.statistical_linearisation(inert(sd.QuadraticDamper(800.0), delay=0.03), EM3)
+    damping = math.sqrt(8 / math.pi) * 800.0 * late.speed_rms.item()
+    assert late.damping.item() == pytest.approx(damping, rel=1e-8)
+    exact = linear_response(inert(sd.Damper(damping), delay=0.03), EM3)
+    for name in ("acc_seat", "seat-base", "F_spring"):
+        got, want = (data.rms.sel(output=name).item() for data in (late, exact))
+        assert got == pytest.approx(want, rel=1e-7)
+    with pytest.raises(sd.RequestError, match="not possible together"):
+        sd.statistical_linearisation(inert(HYSTERESIS, delay=0.03), EM3)

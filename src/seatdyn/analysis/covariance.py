@@ -4,7 +4,8 @@ Rows C, D make outputs y = C x + D [u, u', u''] of x' = A x + B [u, u'] and a ba
 acceleration has the one-sided density G(f).
 
 In frequency: with s = i 2 pi f and h(s) = C (s - A)^-1 B [1/s^2, 1/s] + D [1/s^2, 1/s, 1] the
-responses to a unit of base acceleration, the covariance is the integral of Re(h h^H) G.
+responses to a unit of base acceleration, the covariance is the integral of Re(h h^H) G. What acts
+tau late enters A, B, C and D with the factor exp(-s tau), which is exact.
 
 In state space: where G = |H|^2 with a rational H, the filter H/s^2 joins the states, white noise
 w drives them, x' = F x + g w, and X = integral of Re(p g g^T p^H) df over the band, p = (s - F)^-1,
@@ -40,29 +41,60 @@ class Covariance(NamedTuple):
     rate: Array
 
 
-def transfer(a: Array, b: Array, c: Array, d: Array, frequency: Array) -> ComplexArray:
+class Matrices(NamedTuple):
+    """A, B, C and D of S states, o outputs and a base motion."""
+
+    a: Array  # (S, S)
+    b: Array  # (S, 2)
+    c: Array  # (o, S)
+    d: Array  # (o, 3)
+
+
+class LinearSystem(NamedTuple):
+    """What acts at once, what acts late by delay in s, and the (rightmost) poles in 1/s."""
+
+    prompt: Matrices
+    late: tuple[tuple[float, Matrices], ...]
+    poles: ComplexArray
+
+    def seen(self, c: Array, d: Array) -> LinearSystem:
+        """The same with other outputs, which feel states and base at once."""
+        late = tuple((t, Matrices(m.a, m.b, 0.0 * c, 0.0 * d)) for t, m in self.late)
+        return LinearSystem(Matrices(self.prompt.a, self.prompt.b, c, d), late, self.poles)
+
+
+def transfer(system: LinearSystem, frequency: Array) -> ComplexArray:
     """Outputs per unit of base acceleration at `frequency` in Hz, (F, o)."""
     s = 2j * np.pi * np.asarray(frequency)
     motion = np.stack([1 / s**2, 1 / s, np.ones_like(s)], axis=1)
-    matrix = s[:, None, None] * np.eye(len(a)) - a
-    states = np.linalg.solve(matrix, (motion[:, :2] @ b.T)[..., None])[..., 0]
-    return np.asarray(states @ c.T + motion @ d.T)
+    prompt = system.prompt
+    matrix = s[:, None, None] * np.eye(len(prompt.a)) - prompt.a
+    drive = motion[:, :2] @ prompt.b.T
+    factors = [np.exp(-s * delay)[:, None] for delay, _ in system.late]
+    for factor, (_, late) in zip(factors, system.late, strict=True):
+        matrix = matrix - factor[..., None] * late.a
+        drive = drive + factor * (motion[:, :2] @ late.b.T)
+    states = np.linalg.solve(matrix, drive[..., None])[..., 0]
+    outputs = states @ prompt.c.T + motion @ prompt.d.T
+    for factor, (_, late) in zip(factors, system.late, strict=True):
+        outputs = outputs + factor * (states @ late.c.T + motion @ late.d.T)
+    return np.asarray(outputs)
 
 
-def in_frequency(a: Array, b: Array, c: Array, d: Array, spectrum: Spectrum) -> Covariance:
+def in_frequency(system: LinearSystem, spectrum: Spectrum) -> Covariance:
     """Covariance by an adaptive integral over frequency.
 
     Gauss-Legendre panels are halved until halving changes no variance by more than 1e-10 of it.
     """
-    edges = _first_panels(a, spectrum)
+    edges = _first_panels(system.poles, spectrum)
     low, high = edges[:-1], edges[1:]
-    size = c.shape[0]
+    size = system.prompt.c.shape[0]
     covariance, rate = np.zeros((size, size)), np.zeros(size)
 
     def panels(begin: Array, end: Array) -> tuple[Array, Array]:
         half = (end - begin)[:, None] / 2
         f = begin[:, None] + half * (1.0 + POINTS)
-        y = transfer(a, b, c, d, f.ravel()).reshape(*f.shape, size)
+        y = transfer(system, f.ravel()).reshape(*f.shape, size)
         weight = half * WEIGHTS * spectrum.density(f)
         squares = np.einsum("pq,pqi,pqj->pij", weight, y, y.conj(), optimize=True).real
         rates = np.einsum("pq,pqi->pi", weight * (2 * np.pi * f) ** 2, np.abs(y) ** 2)
@@ -94,19 +126,15 @@ def in_frequency(a: Array, b: Array, c: Array, d: Array, spectrum: Spectrum) -> 
     )
 
 
-def _first_panels(a: Array, spectrum: Spectrum) -> Array:
+def _first_panels(poles: ComplexArray, spectrum: Spectrum) -> Array:
     """Knots of the density, and the neighbourhood of every resonance."""
-    poles = np.linalg.eigvals(a) / (2 * np.pi)
-    width = np.abs(poles.real)
-    spots = [
-        spectrum.knots,
-        *(np.abs(poles.imag) + k * width for k in (-NEAR, -1.0, 0.0, 1.0, NEAR)),
-    ]
+    place, width = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+    spots = [spectrum.knots, *(place + k * width for k in (-NEAR, -1.0, 0.0, 1.0, NEAR))]
     edges = np.unique(np.concatenate(spots))
     return edges[(edges >= spectrum.low) & (edges <= spectrum.high)]
 
 
-def in_state_space(a: Array, b: Array, c: Array, d: Array, spectrum: Spectrum) -> Covariance:
+def in_state_space(system: LinearSystem, spectrum: Spectrum) -> Covariance:
     """Covariance by the Lyapunov equation of a limited band.
 
     An integrator that the filter H/s^2 keeps is given a leak of 3e-4 of the low cut, which
@@ -115,11 +143,17 @@ def in_state_space(a: Array, b: Array, c: Array, d: Array, spectrum: Spectrum) -
     Raises
     ------
     RequestError
-        A spectrum without a rational shaping filter, or an output that contains the base
-        acceleration of one with a white acceleration.
+        Delayed forces, a spectrum without a rational shaping filter, or an output that contains
+        the base acceleration of one with a white acceleration.
     """
     from scipy.linalg import logm, matrix_balance, solve_continuous_lyapunov
 
+    if system.late:
+        raise RequestError(
+            "The Lyapunov route has a finite number of states and knows no delays; use the "
+            "frequency integral."
+        )
+    a, b, c, d = system.prompt
     shaping = spectrum.shaping
     if shaping is None:
         raise RequestError(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +19,13 @@ from scipy.special import ndtr
 
 from seatdyn.analysis.covariance import in_frequency
 from seatdyn.analysis.gaussian import Equivalent, equivalent
+from seatdyn.analysis.gaussian_states import Joint, StateEquivalent, equivalent_states
 from seatdyn.analysis.linear import labelled
 from seatdyn.analysis.linear_map import channel_elements, linear_map
-from seatdyn.analysis.outputs import output_table, unique_names
+from seatdyn.analysis.outputs import incidence, output_table, unique_names
 from seatdyn.analysis.random_linear import NOTE, check_request, is_settling, levels, output_coords
 from seatdyn.errors import ExtrapolationWarning, RequestError, Status
-from seatdyn.model.system import SeatSystem, linear_model, refuse_memory
+from seatdyn.model.system import SeatSystem
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.units import number
 
@@ -50,7 +52,7 @@ def statistical_linearisation(
 
     Parameters
     ----------
-    system : SeatSystem; any elements whose force is a function of displacement and velocity
+    system : SeatSystem; elements with states of their own and delays are allowed, not both
     spectrum : Spectrum of the base acceleration
     tolerance : largest relative difference between the levels that the equivalents were made for
         and those that they lead to
@@ -70,8 +72,8 @@ def statistical_linearisation(
     Raises
     ------
     RequestError
-        No SeatSystem, no spectrum, an element with states of its own, or mean forces that nothing
-        holds.
+        No SeatSystem, no spectrum, delays beside elements with states of their own, or mean forces
+        that nothing holds.
 
     Examples
     --------
@@ -83,7 +85,6 @@ def statistical_linearisation(
     'converged'
     """
     check_request(system, spectrum)
-    refuse_memory([element.name for element in system.memory_elements if not element.is_linear])
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     most = round(number(max_iterations, "max_iterations", "", minimum=1.0, error=RequestError))
     search = Search(system, spectrum)
@@ -94,10 +95,12 @@ def statistical_linearisation(
 
 
 class Search:
-    """The fixed point: for each channel the logarithms of travel and speed, and the mean travel.
+    """The fixed point of the levels and means that the elements feel.
 
     Levels make gains, and gains make levels: Newton's method on the difference, with derivatives
-    by differences, never into an equivalent system that is unstable.
+    by differences, never into an equivalent system that is unstable. A place holds for every
+    channel the logarithms of travel and speed and the mean travel over its level, then the place
+    of every non-linear element with states (`gaussian_states.Joint`).
     """
 
     def __init__(self, system: SeatSystem, spectrum: Spectrum) -> None:
@@ -105,16 +108,23 @@ class Search:
         self.system, self.spectrum = system, spectrum
         self.elements = channel_elements(system)
         self.channel = [j for j, channel in enumerate(system.channels) for _ in channel.elements]
+        self.joints = {
+            i: Joint(element)
+            for i, element in enumerate(system.memory_elements)
+            if not element.is_linear
+        }
         self.spread = np.zeros((len(system.channels), 2))  # r.m.s. travel and speed of a channel
         self.travel = np.zeros(len(system.channels))  # mean, m
         self.equivalents: list[Equivalent] = []
+        self.with_states: dict[int, StateEquivalent] = {}
+        self.felt: dict[int, tuple[Array, Array]] = {}  # standard deviations and means
         self.matrices = linear_map(system)
-        self.mean = np.zeros(len(self.matrices.a))  # of the states
+        self.mean = np.zeros(len(self.matrices.balance))  # of the states
         self.iterations, self.change = 0, np.inf
 
     def solve(self, tolerance: float, most: int) -> Status:
         """Iterate until the levels stay."""
-        if not self.elements:
+        if not self.elements and not self.joints:
             self.change = 0.0
             return Status.CONVERGED if is_settling(self.matrices) else Status.UNSTABLE
         place, miss = self._begin()
@@ -133,58 +143,109 @@ class Search:
 
     def _begin(self) -> tuple[Array, Array | None]:
         """Begin with a motion like that of the base, or another with which the system is stable."""
-        base = [np.log(self.spectrum.displacement_rms()), np.log(self.spectrum.velocity_rms()), 0.0]
-        place = np.tile(base, (len(self.spread), 1))
+        spectrum = self.spectrum
+        base = (
+            spectrum.displacement_rms(),
+            spectrum.velocity_rms(),
+            spectrum.acceleration_rms(),
+        )
+        channels = np.tile([*np.log(base[:2]), 0.0], (len(self.spread), 1))
         for guess in FIRST_GUESSES:
-            start = place + np.array([np.log(guess), np.log(guess), 0.0])
-            miss = self._miss(start)
+            start = channels + np.array([np.log(guess), np.log(guess), 0.0])
+            parts = [joint.stretched(joint.begin(base), guess) for joint in self.joints.values()]
+            place = np.concatenate([start.ravel(), *parts])
+            miss = self._miss(place)
             if miss is not None:
-                return start, miss
+                return place, miss
         return place, None
 
     def _miss(self, place: Array) -> Array | None:
-        """What levels (logarithms) and means (over the travel) lead to, less themselves, (m, 3).
+        """What levels and means lead to, less themselves, as a place.
 
         None where the equivalent system is unstable.
         """
-        self.spread = np.exp(place[:, :2])
-        self.travel = place[:, 2] * self.spread[:, 0]
+        levels = place[: 3 * len(self.spread)].reshape(-1, 3)
+        self.spread = np.exp(levels[:, :2])
+        self.travel = levels[:, 2] * self.spread[:, 0]
         self.equivalents = [
             equivalent(element, *self.spread[j], mean=self.travel[j])
             for element, j in zip(self.elements, self.channel, strict=True)
         ]
+        begin = levels.size
+        for i, joint in self.joints.items():
+            decoded = joint.decode(place[begin : begin + joint.size])
+            if decoded is None:
+                return None
+            sigma, mean, factor = decoded
+            self.felt[i] = sigma, mean
+            self.with_states[i] = equivalent_states(joint.element, mean, factor)
+            begin += joint.size
         gains = [(e.stiffness, e.damping) for e in self.equivalents]
-        m = self.matrices = linear_map(self.system, gains)
-        if not is_settling(m):
-            return None
-        rows, base = m.across.reshape(-1, len(m.a)), m.across_base.reshape(-1, 3)
-        squares = np.diagonal(in_frequency(m.a, m.b, rows, base, self.spectrum).covariance)
-        miss = np.empty_like(place)
-        miss[:, :2] = np.log(squares).reshape(-1, 2) / 2 - place[:, :2]
+        forms = [
+            self.with_states[i].form if i in self.joints else element.linearised()
+            for i, element in enumerate(self.system.memory_elements)
+        ]
+        self.matrices = linear_map(self.system, gains, memory=forms)
+        return self._difference(place) if is_settling(self.matrices) else None
+
+    def _difference(self, place: Array) -> Array:
+        """The same of a stable equivalent system."""
+        m, size = self.matrices, len(self.matrices.balance)
+        joints = [(m.memory[i], joint) for i, joint in self.joints.items()]
+        rows = [m.across.reshape(-1, size), *(f[0][j.variables] for f, j in joints)]
+        base = [m.across_base.reshape(-1, 3), *(f[1][j.variables] for f, j in joints)]
+        seen = m.system.seen(np.concatenate(rows), np.concatenate(base))
+        covariance = in_frequency(seen, self.spectrum).covariance
         self.mean = self._balance()
-        travel = m.across[:, 0] @ self.mean
-        miss[:, 2] = (travel - self.travel) / self.spread[:, 0]
-        return miss
+        channels = np.empty((len(self.spread), 3))
+        count = 2 * len(channels)
+        channels[:, :2] = np.log(np.diagonal(covariance)[:count]).reshape(-1, 2) / 2
+        channels[:, 2] = m.across[:, 0] @ self.mean / self.spread[:, 0]
+        parts = [channels.ravel()]
+        for (i, joint), (felt, _) in zip(self.joints.items(), joints, strict=True):
+            end = count + len(joint.variables)
+            mean = felt[0][joint.variables] @ self.mean
+            part = covariance[count:end, count:end]
+            parts.append(joint.encode(part, mean, self.felt[i][0]))
+            count = end
+        return np.concatenate(parts) - place
 
     def _balance(self) -> Array:
-        """Mean of the states at which mean forces, linear about the mean, balance."""
+        """Mean of the states at which mean forces and rates, linear about the mean, balance."""
         n, m = self.system.linear.size, self.matrices
-        push = [
-            e.stiffness * self.travel[j] - (e.mean if abs(e.mean) > ROUNDING * e.rms else 0.0)
-            for e, j in zip(self.equivalents, self.channel, strict=True)
-        ]
-        force = m.across[self.channel, 0, :n].T @ np.array(push)
-        if not np.any(force):
-            return np.zeros(len(m.a))
-        rates = np.zeros(len(m.a))
+        push = np.zeros(len(m.forces))
+        rates = np.zeros(len(m.balance))
+        for k, (e, j) in enumerate(zip(self.equivalents, self.channel, strict=True)):
+            mean = e.mean if abs(e.mean) > ROUNDING * e.rms else 0.0
+            push[k] = e.stiffness * self.travel[j] - mean
+        own = 2 * n
+        for i, element in enumerate(self.system.memory_elements):
+            if i in self.joints:
+                found, form = self.with_states[i], self.with_states[i].form
+                about = np.zeros(4 + len(found.rates))
+                about[self.joints[i].variables] = self.felt[i][1]
+                held = found.mean if abs(found.mean) > ROUNDING * found.rms else 0.0
+                push[len(self.equivalents) + i] = form.k * about[0] + form.c @ about[4:] - held
+                steady = found.rates - form.b * about[0] - form.a @ about[4:]
+                rates[own : own + len(steady)] = steady
+            own += len(element.states)
+        force = self._pulls().T @ push
+        if not np.any(force) and not np.any(rates):
+            return rates
         rates[n : 2 * n] = np.linalg.solve(self.system.linear.mass, force)
         try:
-            return np.asarray(-np.linalg.solve(m.a, rates))
+            return np.asarray(-np.linalg.solve(m.balance, rates))
         except np.linalg.LinAlgError:
             raise RequestError(
                 "The elements push to one side on average and no spring holds the seat there. "
                 "Give it a Spring."
             ) from None
+
+    def _pulls(self) -> Array:
+        """Rows over the free nodes, second minus first, of all elements with a law, (e, N)."""
+        elements = (*self.elements, *self.system.memory_elements)
+        rows = [incidence(self.system, element.between)[:-1] for element in elements]
+        return np.array(rows)
 
     def _newton(self, place: Array, miss: Array) -> tuple[Array, Array] | None:
         """A shortened Newton step to where less is missed, or None if there is none."""
@@ -192,14 +253,14 @@ class Search:
         for i in range(place.size):
             for step in (DIFFERENCE, -DIFFERENCE):
                 near = place.copy()
-                near.flat[i] += step
+                near[i] += step
                 there = self._miss(near)
                 if there is not None:
-                    slopes[:, i] = (there - miss).ravel() / step
+                    slopes[:, i] = (there - miss) / step
                     break
             else:
                 return None
-        newton = np.linalg.lstsq(slopes, -miss.ravel(), rcond=None)[0].reshape(place.shape)
+        newton = np.linalg.lstsq(slopes, -miss, rcond=None)[0]
         size = np.linalg.norm(miss)
         for direction in (newton, miss):
             share = min(1.0, LARGEST_STEP / float(np.max(np.abs(direction))))
@@ -215,15 +276,20 @@ def _means(search: Search) -> Array:
     """Mean of every output: the system at rest at its mean, with the mean forces."""
     n, m = search.system.linear.size, search.matrices
     force = m.forces @ search.mean
-    force[: len(search.equivalents)] = [item.mean for item in search.equivalents]
-    at_mean = np.concatenate([np.zeros(3), search.mean[:n], np.zeros(2 * n), force])
+    count = len(search.equivalents)
+    force[:count] = [item.mean for item in search.equivalents]
+    for i, item in search.with_states.items():
+        force[count + i] = item.mean
+    rest = np.zeros(n)
+    past = [np.zeros(2), search.mean[:n], rest] * len(search.system.delays)
+    at_mean = np.concatenate([np.zeros(3), search.mean[:n], rest, rest, force, *past])
     return np.asarray(output_table(search.system)[1] @ at_mean)
 
 
 def _dataset(search: Search, status: Status) -> xr.Dataset:
     system, m, items = search.system, search.matrices, search.equivalents
     done = status is Status.CONVERGED
-    found = in_frequency(*m[1:5], search.spectrum) if done else None
+    found = in_frequency(m.system, search.spectrum) if done else None
     means = _means(search) if done else np.full(len(m.names), np.nan)
     variables: dict[str, Any] = levels(found, len(m.names))
     deviation = variables["rms"][1]
@@ -254,7 +320,7 @@ def _dataset(search: Search, status: Status) -> xr.Dataset:
         "change": search.change,
         "inputs": json.dumps({"system": repr(system), "spectrum": repr(search.spectrum)}),
     }
-    return labelled(variables, coords, linear_model(system, "tangent"), request, **attributes)
+    return labelled(variables, coords, replace(system.linear, ignored=()), request, **attributes)
 
 
 def _warn_extrapolation(search: Search) -> None:

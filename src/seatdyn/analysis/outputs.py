@@ -140,16 +140,22 @@ Outputs = Callable[[SeatSystem, Samples], dict[str, Array]]
 def output_table(
     system: SeatSystem, outputs: Outputs = named_outputs
 ) -> tuple[tuple[str, ...], Array]:
-    """Names of the outputs, and how they depend on u, u', u'', z, z', z'' and element forces.
+    """Names of the outputs, and how they depend on what they are made of.
 
-    Outputs are linear in these, so each column is what they are for a unit of one of them.
+    That is u, u', u'', z, z', z'', the element forces and, for every delay, u, u', z, z' as they
+    were then. Outputs are linear in these: each column is what they are for a unit of one of them.
     """
     n = system.linear.size
     e = sum(len(channel.elements) for channel in system.channels) + len(system.memory_elements)
-    units = np.eye(3 + 3 * n + e)
-    base, z, v, a, force = np.split(units, np.cumsum([3, n, n, n]), axis=1)
-    samples = Samples(np.zeros(len(units)), base.T, z, v, a, force, np.zeros_like(force))
-    found = outputs(system, samples)
+    parts = [3, n, n, n, e, *([2, n, n] * len(system.delays))]
+    units = np.eye(sum(parts))
+    base, z, v, a, force, *past = np.split(units, np.cumsum(parts)[:-1], axis=1)
+    none, time = np.zeros_like(force), np.zeros(len(units))
+    before = tuple(
+        Samples(time, np.column_stack([u, time]).T, x, w, 0.0 * a, force, none)
+        for u, x, w in zip(*(past[i::3] for i in range(3)), strict=True)
+    )
+    found = outputs(system, Samples(time, base.T, z, v, a, force, none, past=before))
     return tuple(found), np.array(list(found.values()))
 
 

@@ -20,7 +20,7 @@ from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.response import checked_frequencies
 from seatdyn.errors import RequestError, Status
 from seatdyn.model.noise import quintic_segments
-from seatdyn.model.system import SeatSystem, linear_model
+from seatdyn.model.system import SeatSystem, linear_model, refuse_delays
 from seatdyn.signals.spectrum import Spectrum
 from seatdyn.signals.synthesis import Kind, Synthesis
 from seatdyn.units import number
@@ -89,14 +89,14 @@ def linear_response(
     found = None
     if stable:
         route = in_frequency if method == "frequency" else in_state_space
-        found = route(*matrices[1:5], spectrum)
+        found = route(matrices.system, spectrum)
     square = np.full((size, size), np.nan) if found is None else found.covariance
     variables = levels(found, size)
     variables["covariance"] = (("output", "with"), square, NOTE, "covariance")
     coords = output_coords(matrices.names) | {"with": list(matrices.names)}
     if frequency is not None:
         f = np.asarray(checked_frequencies(frequency), dtype=float)
-        gain = np.abs(transfer(*matrices[1:5], f).T) ** 2
+        gain = np.abs(transfer(matrices.system, f).T) ** 2
         density = gain * (spectrum.density(f) if stable else np.nan)
         variables["density"] = (("output", "frequency"), density, NOTE, "density, per Hz")
         coords["frequency"] = (("frequency",), f, {"units": "Hz", "long_name": "frequency"})
@@ -142,6 +142,7 @@ def linear_time_response(
 
     check_request(system, spectrum)
     number(realisations, "realisations", "", minimum=2.0, maximum=1e9, error=RequestError)
+    refuse_delays(system.delays)
     model = linear_model(system, linearise)
     gains = tangents(system) if linearise == "tangent" else None
     matrices = linear_map(system, gains, linearise=linearise)
@@ -176,11 +177,12 @@ def _mean_squares(
     from seatdyn.kernels.jit import CompileNotice
     from seatdyn.kernels.recursion import accumulate
 
-    slowest = -float(np.max(np.linalg.eigvals(matrices.a).real))
+    a, b, c, d = matrices.system.prompt
+    slowest = -float(np.max(matrices.system.poles.real))
     plan = Synthesis(spectrum, duration - math.log(SETTLED) / slowest, kind)
     skip = plan.nodes - 1 - math.floor(duration / plan.step)
-    step, drive = exact_step(matrices.a, matrices.b, plan.step)
-    rows = np.hstack([matrices.c, matrices.d])
+    step, drive = exact_step(a, b, plan.step)
+    rows = np.hstack([c, d])
     size = len(step)
     squares = []
     for first in range(0, realisations, BATCH):
@@ -222,7 +224,7 @@ def exact_step(a: Array, b: Array, step: float) -> tuple[Array, Array]:
 
 def is_settling(matrices: LinearMap) -> bool:
     """Whether every free motion dies out, so that there is a stationary response."""
-    values = np.linalg.eigvals(matrices.a)
+    values = matrices.system.poles
     return bool(np.all(on_left(values.real, np.max(np.abs(values)))))
 
 

@@ -36,7 +36,10 @@ class MemoryLaw:
 
 @dataclass(frozen=True)
 class LinearMemory:
-    """An element that is linear: ds/dt = A s + b d + e v, F = c s + k d + g v."""
+    """An element that is linear: ds/dt = A s + b d + e v + h (w, a), F = c s + k d + g v.
+
+    w and a are the absolute velocity and acceleration of its second node; h (q, 2) or None.
+    """
 
     a: NDArray[np.float64]
     b: NDArray[np.float64]
@@ -44,6 +47,7 @@ class LinearMemory:
     c: NDArray[np.float64]
     k: float
     g: float
+    h: NDArray[np.float64] | None = None
 
     @classmethod
     def without_states(cls, stiffness: float, damping: float) -> LinearMemory:
@@ -66,6 +70,11 @@ class MemoryElement(Element, ABC):
 
     states: ClassVar[tuple[tuple[str, str], ...]]  # names and units
     is_linear: ClassVar[bool] = False  # exactly, at any amplitude
+
+    @property
+    def feels(self) -> tuple[int, ...]:
+        """Which of d, v, w, a (0 .. 3) its force and rates depend on."""
+        return (0, 1)
 
     @abstractmethod
     def lower(self) -> MemoryLaw:

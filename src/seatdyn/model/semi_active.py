@@ -87,6 +87,11 @@ class SemiActiveDamper(MemoryElement):
         refuse_switching(self)
         return super().linearised()
 
+    @property
+    def feels(self) -> tuple[int, ...]:
+        """What the control law measures."""
+        return felt_by(self.control)
+
     def settled(self, d: float) -> tuple[float, ...]:
         """The passive command, or the smallest coefficient."""
         return (self.minimum if self.command is None else self.command,)
@@ -149,9 +154,19 @@ class MRDamper(MemoryElement):
         refuse_switching(self)
         return super().linearised()
 
+    @property
+    def feels(self) -> tuple[int, ...]:
+        """What the control law measures."""
+        return felt_by(self.control)
+
     def settled(self, d: float) -> tuple[float, ...]:
         """The passive command, or no current."""
         return (self.command or 0.0,)
+
+
+def felt_by(control: str) -> tuple[int, ...]:
+    """Speed across the damper, and what the control law measures, see `MemoryElement.feels`."""
+    return {"passive": (1,), "acceleration": (1, 3)}.get(control, (1, 2))
 
 
 def refuse_switching(element: SemiActiveDamper | MRDamper) -> None:
