@@ -178,6 +178,26 @@ def test_curve_goes_on_where_a_motion_begins_to_touch_a_jump():
     assert last == pytest.approx(float(state.amplitude.sel(output="seat-base")), rel=1e-6)
 
 
+def test_curve_reaches_the_motion_without_contact_behind_a_fold():
+    """Contact ends at a fold and, unstable, in a graze; free motion lasts from there on."""
+    system = paper_system(sd.PiecewiseSpring(5000.0, 0.02, 0.01))
+    curve = sd.response_curve(system, (1.84, 1.95), 0.5).isel(level=0)
+    assert curve.attrs["status"] == "ok"
+    kinds = curve.event_kind.values.tolist()
+    assert sorted(set(kinds)) == ["break", "fold"]
+    f = curve.frequency.to_numpy()
+    travel = curve.amplitude.sel(output="seat-base").to_numpy()
+    free = travel < 0.01
+    graze, fold = (float(curve.event_frequency[kinds.index(kind)]) for kind in ("break", "fold"))
+    assert np.min(f[free]) == pytest.approx(graze, abs=1e-3)
+    assert np.max(f[free]) == 1.95
+    assert graze < fold == pytest.approx(np.max(f[~free]))
+    linear = sd.frequency_response(paper_system(), frequency=f[free])
+    gain = np.abs(linear.transmissibility.sel(node="seat") - 1.0)
+    expected = gain * 0.5 / (2 * math.pi * f[free]) ** 2
+    assert np.allclose(travel[free], expected, rtol=1e-6)
+
+
 def test_multiplier_of_a_linear_system_is_that_of_its_poles():
     system = paper_system()
     assert is_stable(system)

@@ -278,9 +278,9 @@ def trace(make: Make, start: float, stop: float) -> Branch:
     """Branch of periodic motions through the stable one at `start`, until p leaves the range.
 
     A branch can end inside the range, as where a motion begins to touch a jump of a force: there
-    its derivatives have no bound. It goes on with the stable motion that time integration reaches
-    a hundredth of the range further (or twice, four times that), and the place is a special point,
-    "break".
+    its derivatives have no bound. The place is a special point, "break". The curve goes on with the
+    stable motion that time integration reaches a hundredth of the range (or twice, four times that)
+    beyond all that was found before, followed both on and back to the break.
 
     Parameters
     ----------
@@ -296,10 +296,10 @@ def trace(make: Make, start: float, stop: float) -> Branch:
     branch, gap = _from_rest(tracer, start), GAP
     while branch.status is Status.NOT_CONVERGED and branch.points:
         last = branch.points[-1]
-        beyond = last.value + math.copysign(gap, last.tangent[-1]) * tracer.span
-        if not 0.0 <= (beyond - start) / tracer.span <= 1.0:
+        furthest = max((point.value - start) / tracer.span for point in branch.points)
+        if furthest + gap > 1.0:
             break
-        more = _from_rest(tracer, beyond)
+        more = _from_rest(tracer, start + (furthest + gap) * tracer.span, back_to=last.value)
         if not more.points:
             gap *= 2
             continue
@@ -310,26 +310,37 @@ def trace(make: Make, start: float, stop: float) -> Branch:
     return branch
 
 
-def _from_rest(tracer: Tracer, value: float) -> Branch:
-    """Branch through the stable motion that is reached from rest at a value of the parameter."""
+def _from_rest(tracer: Tracer, value: float, back_to: float | None = None) -> Branch:
+    """Branch through the stable motion that is reached from rest at a value of the parameter.
+
+    back_to : where to begin, if the branch reaches back so far; else it begins at `value`
+    """
     _, excitation = tracer.make(value)
     period = tracer.period(value)
     orbit = find_orbit(period.problem, excitation, START_TOLERANCE, START_PERIODS)
     if orbit.status is not Status.CONVERGED or orbit.run is None:
         return Branch(status=orbit.status, message=f"At {value:.6g}: {orbit.status.message}")
-    tracer.scales = period.scales(orbit.run)
-    u = np.append(period.end(orbit.run) / tracer.scales, (value - tracer.start) / tracer.span)
+    tracer.scales = scales = period.scales(orbit.run)
+    u = np.append(period.end(orbit.run) / scales, (value - tracer.start) / tracer.span)
     along = np.eye(u.size)[-1]
-    run = period.run(u[:-1] * tracer.scales, orbit.run)
+    run = period.run(u[:-1] * scales, orbit.run)
     solved = tracer.solve(u, _Near(period, run, tracer.derivatives(u, period, run)), along)
     if solved is None:
         message = f"No motion was found at {value:.6g} that can be followed."
         return Branch(status=Status.NOT_CONVERGED, message=message)
-    return _follow(tracer, solved, tracer.tangent(solved.near.jacobian, along))
+    tangent = tracer.tangent(solved.near.jacobian, along)
+    branch = _follow(tracer, solved, tangent)
+    if back_to is not None:
+        tracer.scales = scales
+        back = _follow(tracer, solved, -tangent, (back_to - tracer.start) / tracer.span)
+        reversed_points = [point._replace(tangent=-point.tangent) for point in back.points[:0:-1]]
+        branch.points = reversed_points + branch.points
+        branch.special = back.special[::-1] + branch.special
+    return branch
 
 
-def _follow(tracer: Tracer, solved: _Solved, tangent: Array) -> Branch:
-    """March along the branch, with steps as long as its bends allow."""
+def _follow(tracer: Tracer, solved: _Solved, tangent: Array, low: float = 0.0) -> Branch:
+    """March with steps as long as bends allow to the end of the range, or below `low` (scaled)."""
     branch = Branch(points=[tracer.point(solved, tangent)])
     length = FIRST_STEP
     while len(branch.points) < MOST_POINTS:
@@ -345,9 +356,9 @@ def _follow(tracer: Tracer, solved: _Solved, tangent: Array) -> Branch:
                 return branch
             continue
         new, direction = found
-        beyond = new.u[-1] > 1.0 or new.u[-1] < 0.0
+        beyond = new.u[-1] > 1.0 or new.u[-1] < low
         if beyond:  # the last point is that on the end of the range
-            edge = 1.0 if new.u[-1] > 1.0 else 0.0
+            edge = 1.0 if new.u[-1] > 1.0 else low
             share = (edge - solved.u[-1]) / (new.u[-1] - solved.u[-1])
             guess = solved.u + share * (new.u - solved.u)
             guess[-1] = edge
