@@ -129,9 +129,21 @@ def runge_kutta(problem, slopes, h, space):
 
 
 @inner
-def fastest_rate(problem, slopes):
-    """Estimate of the fastest rate that the channels' slopes add, 1/s."""
-    rate = 1e-300
+def linear_rate(problem):
+    """Upper bound of the fastest rate of the linear part, 1/s."""
+    n, rate = problem.pull.shape[0], 1e-300
+    for i in range(n):
+        by_velocity, by_displacement = 0.0, 0.0
+        for c in range(n):
+            by_displacement += abs(problem.linear[i, c])
+            by_velocity += abs(problem.linear[i, n + c])
+        rate = max(rate, by_velocity, math.sqrt(by_displacement))
+    return rate
+
+
+@inner
+def fastest_rate(problem, slopes, rate):
+    """Estimate of the fastest rate of the deviations, 1/s; that of the linear part is `rate`."""
     for j in range(problem.lag.size):
         gain = problem.gain[j, j]
         rate = max(rate, abs(gain * slopes[1, j]), math.sqrt(abs(gain * slopes[0, j])))
@@ -192,7 +204,7 @@ def monodromy(problem, work, samples, refinement, space, slopes):
     for i in range(x.shape[0]):
         for c in range(x.shape[0]):
             x[i, c] = 1.0 if i == c else 0.0
-    share = STIFFNESS_SHARE * problem.omega / refinement
+    share, slow = STIFFNESS_SHARE * problem.omega / refinement, linear_rate(problem)
     slowest, theta, row, side = np.inf, 0.0, -1, 1.0
     grid = 2.0 * math.pi / (max(STEPS, samples // 2) * refinement)
     while theta < 2.0 * math.pi:
@@ -213,7 +225,7 @@ def monodromy(problem, work, samples, refinement, space, slopes):
         channel_slopes(problem, work, count, theta, row, side, slopes[0])
         while theta < stop:
             h = grid * (math.floor(theta / grid + ON_SAMPLE) + 1.0) - theta
-            h = min(h, share / fastest_rate(problem, slopes[0]))
+            h = min(h, share / fastest_rate(problem, slopes[0], slow))
             last, end = False, stop
             for _ in range(8):
                 last = last or theta + 1.0001 * h >= stop
@@ -223,7 +235,7 @@ def monodromy(problem, work, samples, refinement, space, slopes):
                     problem, work, count, end, next_row if last else -1, next_side, slopes[2]
                 )
                 channel_slopes(problem, work, count, 0.5 * (theta + end), -1, 1.0, slopes[1])
-                worst = max(fastest_rate(problem, slopes[1]), fastest_rate(problem, slopes[2]))
+                worst = fastest_rate(problem, slopes[1], fastest_rate(problem, slopes[2], slow))
                 if worst * h <= 2.0 * share:
                     break
                 h, last = share / worst, False
