@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +15,10 @@ from seatdyn.analysis.delay_time import LateProblem, LateState, late_forces
 from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.run import Samples, Settings, interruptible
-from seatdyn.errors import RequestError
+from seatdyn.errors import ModelError, RequestError
 from seatdyn.kernels import floquet, levels, orbit
 from seatdyn.kernels.balance import CONVERGED
-from seatdyn.kernels.columns import FIRST, SECOND
+from seatdyn.kernels.columns import BREAKS, ELEMENTS, FIRST, SECOND
 from seatdyn.kernels.condensed import (
     CHANNEL,
     KEPT,
@@ -31,14 +33,17 @@ from seatdyn.kernels.condensed import (
 from seatdyn.kernels.dense import element_forces
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE
-from seatdyn.kernels.orbit import Look, make_look
+from seatdyn.kernels.orbit import NODES, Look, make_look
+from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import DEGREES, Excitation, Motion
-from seatdyn.model.system import SeatSystem
+from seatdyn.model.memory import MemoryElement
+from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 FEWEST_SAMPLES, GUESSED_SAMPLES, MOST_SAMPLES = 64, 128, 4096  # of a period
 DELAYED = Settings(rtol=1e-9)  # of the runs for the multipliers of a system with delays
+LOOSE = 1e12  # condition of the stiffness from which on springs alone do not hold the seat
 SAME_FREQUENCY = 1e-9  # relative: how near a sine must be to a multiple of 1/period
 
 
@@ -58,24 +63,62 @@ def base_harmonics(motion: Motion, period: float) -> NDArray[np.complex128] | No
     return base
 
 
-def condense(system: SeatSystem, excitation: Excitation) -> Condensed | None:
-    """Arrays of the periodic problem, or None where the base motion is not a sum of sines."""
+def condense(
+    system: SeatSystem, excitation: Excitation, watched: Sequence[tuple[str, str]] = ()
+) -> Condensed | None:
+    """Arrays of the periodic problem, or None where the base motion is not a sum of sines.
+
+    watched : further pairs of nodes whose relative motion is to be known, as channels without laws
+    """
     if excitation.period is None:
         raise RequestError(f"{type(excitation).__name__} has no period.")
     base = base_harmonics(excitation.motion, excitation.period)
     if base is None:
         return None
-    plant = lower(system, excitation.motion, delays=True)
-    n = system.linear.size
-    damped = plant.linear[:, n : 2 * n] @ plant.pull
-    with_base = np.vstack([damped, np.zeros(damped.shape[1])])
-    first, second = plant.channels[:-1, [FIRST, SECOND]].T
+    plant = lower(system, excitation.motion, delays=True, memory=bool(system.memory_elements))
+    n, pairs = system.linear.size, [*(channel.between for channel in system.channels), *watched]
+    prompt = [*(channel.delay == 0.0 for channel in system.channels), *(True for _ in watched)]
+    places = [[place_of(system, node) for node in pair] for pair in pairs]
+    ends = np.array(places, dtype=np.int64).reshape(-1, 2)
+    last = np.repeat(plant.channels[-1:, [ELEMENTS, BREAKS]], len(watched), axis=0)
+    laws = np.vstack([plant.channels[:, [ELEMENTS, BREAKS]], last])
+    unit = np.eye(n + 1)  # the base is the last
+    incidence = unit[ends[:, 1]] - unit[ends[:, 0]]
+    linear = plant.linear.copy()
+    pull = np.linalg.solve(system.linear.prompt.mass, incidence[:, :n].T)
+    shift = np.zeros(len(pairs))
+    if np.linalg.cond(linear[:, :n]) > LOOSE:
+        shift = bearing_stiffness(system, pairs) * prompt
+        linear[:, [*range(n), 2 * n]] -= (pull * shift) @ incidence
+    pull = np.ascontiguousarray(pull)
+    damped = linear[:, n : 2 * n] @ pull
     return Condensed(
-        plant.linear, plant.pull, plant.gain, damped, with_base[second] - with_base[first],
-        plant.channels, plant.elements, plant.parameters, plant.breaks, base,
-        np.array([channel.delay for channel in system.channels]), np.ones(2),
+        linear, pull, incidence[:, :n] @ pull, damped, incidence[:, :n] @ damped,
+        np.column_stack([np.vstack([ends, [[0, 0]]]), laws]), plant.elements, plant.parameters,
+        plant.breaks, base, shift,
+        np.array([channel.delay for channel in system.channels] + [0.0] * len(watched)), np.ones(2),
         2 * math.pi / excitation.period, np.array(system.delays), late_forces(system),
     )  # fmt: skip
+
+
+def place_of(system: SeatSystem, node: str) -> int:
+    """Place of a node among the free ones, -1 for the base."""
+    return -1 if node == BASE else system.linear.index(node)
+
+
+def bearing_stiffness(system: SeatSystem, pairs: Sequence[tuple[str, str]]) -> Array:
+    """Stiffness at rest in N/m across every pair of nodes, of elements that have one."""
+    total = np.zeros(len(pairs))
+    for element in (*system.nonlinear_elements, *system.memory_elements):
+        with suppress(ModelError, np.linalg.LinAlgError):
+            if isinstance(element, MemoryElement):
+                stiffness = float(element.linearised().stiffness(0.0).real)
+            else:
+                assert isinstance(element, NonlinearElement)
+                stiffness = element.tangent()[0]
+            if element.delay == 0.0 and np.isfinite(stiffness):
+                total[pairs.index(element.between)] += stiffness
+    return total
 
 
 def output_rows(system: SeatSystem) -> tuple[list[str], Array]:
@@ -84,6 +127,15 @@ def output_rows(system: SeatSystem) -> tuple[list[str], Array]:
     unit = np.eye(3 * n + e + 3 + len(system.delays) * (2 * n + 2))
     outputs = named_outputs(system, samples_of(system, unit, np.zeros(len(unit))))
     return list(outputs), np.array(list(outputs.values()))
+
+
+def output_names(system: SeatSystem) -> list[str]:
+    """Names of the outputs."""
+    n, q = system.linear.size, len(system.memory_elements)
+    none = np.zeros((0, sum(len(channel.elements) for channel in system.channels) + q))
+    still = np.zeros((0, n))
+    empty = Samples(np.zeros(0), np.zeros((3, 0)), still, still, still, none, none)
+    return list(named_outputs(system, empty._replace(past=(empty,) * len(system.delays))))
 
 
 def samples_of(system: SeatSystem, columns: Array, time: Array) -> Samples:
@@ -159,7 +211,10 @@ class Balanced:
 
     def sample(self, phases: Array) -> Samples:
         """The motion at phases in rad, as a time run gives it."""
-        columns = self.at(np.ascontiguousarray(phases))
+        return self.as_samples(self.at(np.ascontiguousarray(phases)), phases)
+
+    def as_samples(self, columns: Array, phases: Array) -> Samples:
+        """Columns at phases in rad as samples, with the elastic part of the forces."""
         samples = samples_of(self.system, columns, phases / self.problem.omega)
         z, base = samples.displacement, samples.base
         elastic = [
@@ -210,6 +265,20 @@ class Balanced:
         times = (breaks[:, None] + 2 * np.pi * turns) / omega
         return late_state(problem, lambda t: self.sample(omega * t), times.ravel())
 
+    def harmonics(self, count: int) -> NDArray[np.complex128]:
+        """Complex harmonics (o, count) of every output: those of motions are exact."""
+        n, known = self.system.linear.size, min(count, self.count)
+        look, k = self.look, 1j * self.problem.omega * np.arange(known)
+        samples = look.columns[:-1, : self.samples]
+        spectra = np.fft.rfft(samples, axis=1)[:, :known] * (2 / self.samples)
+        spectra[:, 0] /= 2
+        for i in range(n):
+            for order in range(3):
+                spectra[order * n + i] = look.nodes[NODES, :known, i] * k**order
+        result = np.zeros((len(self.names), count), complex)
+        result[:, :known] = look.rows @ spectra
+        return result
+
     def start(self) -> Array:
         """State at t = 0: displacements, then velocities, (2N,)."""
         return self.at(np.zeros(1))[0, : 2 * self.system.linear.size]
@@ -240,6 +309,10 @@ def balance(
         response is the start
     most : samples of a period, a power of two
     """
+    if system.memory_elements:
+        from seatdyn.analysis.balance_states import balance_with_states
+
+        return balance_with_states(system, excitation, tolerance)
     problem = condense(system, excitation)
     if problem is None:
         return None

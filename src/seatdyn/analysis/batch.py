@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatdyn.analysis.balance import Array, balance, output_rows
+from seatdyn.analysis.balance import Array, balance, output_names
 from seatdyn.analysis.outputs import output_unit, unique_names
 from seatdyn.analysis.steady_balance import status_of
 from seatdyn.analysis.transient import check_request
@@ -79,7 +79,7 @@ def steady_states(
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     columns = _columns(system, parameters)
     members = len(next(iter(columns.values())))
-    names, _ = output_rows(system)
+    names = output_names(system)
     amplitude = np.full((members, len(names)), np.nan)
     error, largest = np.full(members, np.nan), np.full(members, np.nan)
     status = np.full(members, str(Status.CONVERGED), dtype=object)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.balance import balance, sorted_multipliers
+from seatdyn.analysis.balance import balance, output_names, sorted_multipliers
 from seatdyn.analysis.delay_orbit import find_late_orbit
 from seatdyn.analysis.delay_time import LateProblem, LateState
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.run import Problem, Run, Samples, Settings, State
+from seatdyn.analysis.run import Problem, Run, Settings, State
 from seatdyn.analysis.stability import is_stable
 from seatdyn.analysis.steady_balance import HARMONICS, PER_PERIOD, balanced_state, fill
 from seatdyn.analysis.transient import (
@@ -140,7 +140,7 @@ def _by_balance(
     system: SeatSystem, excitation: Excitation, method: str, tolerance: float, check: bool
 ) -> xr.Dataset | None:
     """Steady state by harmonic balance; with "auto" None where integration has to decide."""
-    known = not (system.delays or system.memory_elements or isinstance(excitation, WithForces))
+    known = not (system.delays or isinstance(excitation, WithForces))
     if method == "auto" and not known:
         return None
     balanced = balance(system, excitation, tolerance)
@@ -354,12 +354,12 @@ def _newton(
         if residual > 0.5 * residual_before:
             return None
         residual_before = residual
-        jacobian = _period_map(problem, period, run, y, scales)
+        jacobian = period_map(problem, period, run, y, scales)
         y = y + np.linalg.solve(np.eye(y.size) - jacobian, run.end.y - y)
     return None
 
 
-def _period_map(problem: Problem, period: float, run: Run, y: Array, scales: Array) -> Array:
+def period_map(problem: Problem, period: float, run: Run, y: Array, scales: Array) -> Array:
     """Derivative of the state after one period with respect to its start, by differences."""
     jacobian = np.empty((y.size, y.size))
     for i in range(y.size):
@@ -410,11 +410,7 @@ def _nothing(system: SeatSystem) -> xr.Dataset:
     """NaN where there is no steady state."""
     import xarray as xr
 
-    nodes = np.zeros((0, system.linear.size))
-    elements = np.zeros((0, sum(len(channel.elements) for channel in system.channels)))
-    empty = Samples(np.zeros(0), np.zeros((3, 0)), nodes, nodes, nodes, elements, elements)
-    empty = empty._replace(past=(empty,) * len(system.delays))
-    names = list(named_outputs(system, empty))
+    names = output_names(system)
     nan: dict[str, Any] = {
         key: ("output", np.full(len(names), np.nan))
         for key in ("amplitude", "maximum", "minimum", "rms")
@@ -440,7 +436,7 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     if type(problem) is Problem:  # with delays or states of elements a state is more than this
         scales = orbit_scales(problem, orbit.run)
         start = orbit.run.record[0, 1 : 1 + scales.size]
-        jacobian = _period_map(problem, orbit.period, orbit.run, start, scales)
+        jacobian = period_map(problem, orbit.period, orbit.run, start, scales)
         multipliers = sorted_multipliers(jacobian)
     data = to_dataset(system, samples)
     fill(

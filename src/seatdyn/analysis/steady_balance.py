@@ -11,13 +11,14 @@ import seatdyn
 from seatdyn.analysis.balance import Array, Balanced
 from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.energy import WORST_RESIDUAL, powers
+from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.run import Problem, Settings, State
 from seatdyn.analysis.transient import to_dataset
 from seatdyn.errors import Status
 from seatdyn.kernels.balance import CONVERGED, TOO_MANY_EVENTS
 from seatdyn.kernels.levels import NOT_ACCURATE
-from seatdyn.kernels.orbit import HIGH, LOW, NODES
+from seatdyn.kernels.orbit import HIGH, LOW
 from seatdyn.model.excitation import Excitation
 
 if TYPE_CHECKING:
@@ -65,17 +66,14 @@ def check_by_integration(balanced: Balanced, problem: Problem, period: float) ->
     It starts on the motion; compared are the state at the end, with the largest motion, and the
     amplitudes.
     """
-    from seatdyn.analysis.steady import extrema
+    from seatdyn.analysis.steady import extrema, orbit_scales
 
     state = start_of(balanced, problem)
     start = state.y
     run = problem.run(0.0, period, state)
     if run.status is not Status.OK:
         return float("inf")
-    n = start.size // 2
-    sizes = np.abs(run.record[:, 1 : 2 * n + 1]).max(0)
-    scales = np.repeat([sizes[:n].max(), sizes[n:].max()], n)
-    deviation = float(np.max(np.abs(run.end.y - start) / scales))
+    deviation = float(np.max(np.abs(run.end.y - start) / orbit_scales(problem, run)))
     high, low = extrema(run)
     ours = (balanced.look.extrema[HIGH] - balanced.look.extrema[LOW]) / 2
     theirs = np.array([(high[name] - low[name]) / 2 for name in balanced.names])
@@ -89,22 +87,6 @@ def start_of(balanced: Balanced, problem: Problem) -> State:
     if isinstance(problem, LateProblem):
         return balanced.late_start(problem)
     return problem.start(balanced.start())
-
-
-def harmonics_of(balanced: Balanced) -> Array:
-    """Complex harmonics (o, HARMONICS + 1) of every output: those of motions are exact."""
-    n, count = balanced.system.linear.size, min(HARMONICS + 1, balanced.count)
-    look, w = balanced.look, balanced.problem.omega
-    k = 1j * w * np.arange(count)
-    samples = look.columns[:-1, : balanced.samples]
-    spectra = np.fft.rfft(samples, axis=1)[:, :count] * (2 / balanced.samples)
-    spectra[:, 0] /= 2
-    for i in range(n):
-        for order in range(3):
-            spectra[order * n + i] = look.nodes[NODES, :count, i] * k**order
-    result = np.zeros((len(balanced.names), HARMONICS + 1), complex)
-    result[:, :count] = look.rows @ spectra
-    return result
 
 
 def balanced_state(
@@ -135,7 +117,7 @@ def balanced_state(
     if not balanced.found or status is Status.STICKING:
         nothing = {"status": str(status), "message": status.message, "floquet_max": np.nan}
         return xr.Dataset(attrs=attributes | nothing)
-    problem = Problem.make(balanced.system, excitation.motion, CHECK)
+    problem = problem_for(balanced.system, excitation, CHECK)
     message = status.message
     residual = energy_residual(balanced, problem)
     if status.valid and residual > max(WORST_RESIDUAL, 100 * tolerance):
@@ -162,7 +144,7 @@ def balanced_state(
     high, low = balanced.look.extrema[[HIGH, LOW]]
     fill(
         data, balanced.names, (high - low) / 2, high, low, np.sqrt(np.mean(values**2, axis=1)),
-        harmonics_of(balanced), multipliers,
+        balanced.harmonics(HARMONICS + 1), multipliers,
     )  # fmt: skip
     data.attrs = attributes
     return data

@@ -51,8 +51,8 @@ NO_CORNER = 1e-7  # of the largest force: weaker corners are no matter
 
 @inner
 def law_force(problem, j, d, v):
-    """Sum of the forces of the elements of channel j."""
-    total = 0.0
+    """Sum of the forces of the elements of channel j, less what the linear part has of it."""
+    total = -problem.shift[j] * d
     for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
         address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
         total += call_law(address, d, v, problem.parameters, offset)

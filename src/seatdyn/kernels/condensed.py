@@ -38,6 +38,7 @@ class Condensed(NamedTuple):
 
     damped_pull, damped_gain : A_v pull, (N, m), and the same between the channels, (m, m)
     base : (B,) complex harmonics 0 .. B-1 of the base displacement, m
+    shift : (m,) stiffness in N/m that `linear` has and the laws of the channel are reduced by
     lag : (m,) delay of each channel's force, s: a factor exp(-i k omega lag) on its harmonics
     scale : (2,) factors on the base motion and on the channel forces, 1 but while a solution is
         being continued in them
@@ -55,6 +56,7 @@ class Condensed(NamedTuple):
     parameters: np.ndarray
     breaks: np.ndarray
     base: np.ndarray
+    shift: np.ndarray
     lag: np.ndarray
     scale: np.ndarray
     omega: float

@@ -170,7 +170,7 @@ def look_at(problem, work, look, count, theta, row, side):
         here = problem.channels[j, BREAKS] <= row < problem.channels[j + 1, BREAKS]
         if here and problem.breaks[row, IS_JUMP] != 0.0:
             d, s = beside(problem, row, d, s, side)
-        total = 0.0
+        total = -problem.shift[j] * d
         for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
             address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
             force = call_law(address, d, s, problem.parameters, offset)
@@ -222,6 +222,11 @@ def sample_columns(problem, work, look, count, samples):
         d0, d1 = columns[p + start if start >= 0 else b], columns[p + end if end >= 0 else b]
         v0 = columns[p + n + start if start >= 0 else b + 1]
         v1 = columns[p + n + end if end >= 0 else b + 1]
+        for i in range(n):
+            share, target = problem.pull[i, j] * problem.shift[j], columns[2 * n + i]
+            if share != 0.0:
+                for q in range(samples):
+                    target[q] += share * (d1[q] - d0[q])
         for e in range(problem.channels[j, ELEMENTS], problem.channels[j + 1, ELEMENTS]):
             address, offset = problem.elements[e, ADDRESS], problem.elements[e, OFFSET]
             force = columns[3 * n + e]

@@ -447,6 +447,6 @@ def refuse_memory(names: Sequence[str]) -> None:
     if names:
         raise RequestError(
             "This analysis does not know elements with states of their own, such as "
-            f"{', '.join(names)} here. Use simulate, or steady_state by time integration; of "
+            f"{', '.join(names)} here. Use simulate or steady_state; of "
             "linear ones, poles and frequency_response."
         )
