@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
-from seatdyn.kernels.jit import inlined, kernel
+from seatdyn.kernels.jit import inlined, inner, kernel
 from seatdyn.kernels.lanes import (
     LANES,
     MOMENTS,
@@ -93,7 +93,7 @@ def copy_rows(table, at, to, count):
             table[to + i, lane] = table[at + i, lane]
 
 
-@inlined
+@inner
 def gather(table, size, times, done, outputs, sample, extremes, series, gram):
     """Gather some `times` of the table; `done` were gathered before."""
     gather_products(table, size, times, gram)
