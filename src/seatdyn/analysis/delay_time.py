@@ -236,18 +236,18 @@ class LateProblem(Problem):
 
     def breaks_of_base(self, t0: float, t1: float) -> list[tuple[float, int]]:
         """Where corners of the base motion are felt through the delayed forces."""
-        starts = self.motion.starts
+        starts = self.motion.starts[1:]
+        starts = starts[(t0 <= starts) & (starts < t1)]
+        smooth = np.full(starts.size, True)
         found = []
-        for k, start in enumerate(starts):
-            if k == 0 or not t0 <= start < t1:
-                continue
-            before = np.nextafter(start, -np.inf)
-            for order in range(DERIVATIVES):
-                left, right = (float(self.motion.evaluate(t, order)) for t in (before, start))
-                size = max(abs(left), abs(right))
-                if abs(left - right) > SAME * size + 1e-300:
-                    found += [(start + delay, order + 1) for delay in self.system.delays]
-                    break
+        for order in range(DERIVATIVES):
+            times = (np.nextafter(starts, -np.inf), starts)
+            left, right = (self.motion.evaluate(t, order) for t in times)
+            size = np.maximum(np.abs(left), np.abs(right))
+            jumps = smooth & (np.abs(left - right) > SAME * size + 1e-300)
+            smooth &= ~jumps
+            for delay in self.system.delays:
+                found += [(float(start + delay), order + 1) for start in starts[jumps]]
         return found
 
     def run(

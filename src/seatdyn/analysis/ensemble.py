@@ -7,9 +7,10 @@ on the number of threads, nor on where a run was interrupted and taken up again.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -41,14 +42,13 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ensemble:
-    """A system and a family of base motions, ready to run.
+class Members(ABC):
+    """A system and a family of base motions, ready to run in blocks.
 
     synthesis : the grid of the base motion, `settle` included
     settle : intervals of the grid that are passed over
     seed : of all members
     names : of the outputs
-    outputs : (instants, K, s) weights of the outputs at the instants of a step, see `make_march`
     steps : in every interval of the grid
     every : steps from one that is gathered to the next
     peaks : outputs whose extremes and fourth powers are gathered; means and mean squares of all
@@ -63,13 +63,76 @@ class Ensemble:
     settle: int
     seed: int
     names: tuple[str, ...]
-    march: March
-    outputs: Array
     steps: int
     every: int
     peaks: tuple[str, ...]
-    drift: float | None = None
-    level: float | None = None
+    drift: float | None = field(default=None, kw_only=True)
+    level: float | None = field(default=None, kw_only=True)
+
+    @property
+    def step(self) -> float:
+        """Step in s, NaN where every run chooses its own."""
+        return self.synthesis.step / self.steps
+
+    @property
+    @abstractmethod
+    def spacing(self) -> float:
+        """Time in s between the instants that are gathered."""
+
+    @abstractmethod
+    def respond(self, x: Array, v: Array, a: Array, wanted: Sequence[str], settle: int) -> Block:
+        """Response of a block to base displacement, velocity and acceleration, (L, nodes)."""
+
+    def base(self, block: int) -> tuple[Array, Array, Array]:
+        """Displacement, velocity and acceleration of the base, (L, nodes)."""
+        x, v, a = (np.empty((LANES, self.synthesis.nodes)) for _ in range(3))
+        self.synthesis.fill(self.seed, x.T, v.T, a.T, first=block * LANES)
+        if self.drift is not None:
+            v += self.drift
+            x += self.drift * self.synthesis.step * np.arange(self.synthesis.nodes)
+        if self.level is not None:
+            found = np.sqrt(np.mean(a[:, self.settle :] ** 2, axis=1))
+            for motion in (x, v, a):
+                motion *= (self.level / found)[:, None]
+        return x, v, a
+
+    def run(
+        self, block: int, wanted: Sequence[str] = (), nodes: int | None = None, settle: int = -1
+    ) -> Block:
+        """Run one block, or only its first `nodes`."""
+        x, v, a = self.base(block)
+        if nodes is not None:
+            x, v, a = (np.ascontiguousarray(motion[:, :nodes]) for motion in (x, v, a))
+        return self.respond(x, v, a, wanted, self.settle if settle < 0 else settle)
+
+    def blocks(
+        self, numbers: Iterator[int], workers: int, wanted: Sequence[str] = ()
+    ) -> Iterator[tuple[int, Block]]:
+        """Run blocks on `workers` threads, in order, no more than `workers` ahead."""
+        with ThreadPoolExecutor(workers) as pool:
+            waiting: list[tuple[int, Future[Block]]] = []
+            try:
+                for number in numbers:
+                    waiting.append((number, pool.submit(self.run, number, wanted)))
+                    if len(waiting) >= workers + 1:
+                        first, future = waiting.pop(0)
+                        yield first, future.result()
+                for first, future in waiting:
+                    yield first, future.result()
+            finally:
+                for _, future in waiting:
+                    future.cancel()
+
+
+@dataclass(frozen=True)
+class Ensemble(Members):
+    """Members that march side by side, for systems without delays and states of elements.
+
+    outputs : (instants, K, s) weights of the outputs at the instants of a step, see `make_march`
+    """
+
+    march: March
+    outputs: Array
 
     @classmethod
     def make(
@@ -98,36 +161,14 @@ class Ensemble:
         names, march, outputs = make_march(system, synthesis.step, steps, instants)
         watched = names if peaks is None else tuple(peaks)
         return cls(
-            system, synthesis, settle, seed, names, march, outputs, steps, every, watched, drift,
-            level,
+            system, synthesis, settle, seed, names, steps, every, watched, march, outputs,
+            drift=drift, level=level,
         )  # fmt: skip
 
     @property
     def spacing(self) -> float:
         """Time in s between the instants that are gathered."""
         return self.synthesis.step * self.every / (self.steps * len(self.outputs))
-
-    def base(self, block: int) -> tuple[Array, Array, Array]:
-        """Displacement, velocity and acceleration of the base, (L, nodes)."""
-        x, v, a = (np.empty((LANES, self.synthesis.nodes)) for _ in range(3))
-        self.synthesis.fill(self.seed, x.T, v.T, a.T, first=block * LANES)
-        if self.drift is not None:
-            v += self.drift
-            x += self.drift * self.synthesis.step * np.arange(self.synthesis.nodes)
-        if self.level is not None:
-            found = np.sqrt(np.mean(a[:, self.settle :] ** 2, axis=1))
-            for motion in (x, v, a):
-                motion *= (self.level / found)[:, None]
-        return x, v, a
-
-    def run(
-        self, block: int, wanted: Sequence[str] = (), nodes: int | None = None, settle: int = -1
-    ) -> Block:
-        """Run one block, or only its first `nodes`."""
-        x, v, a = self.base(block)
-        if nodes is not None:
-            x, v, a = (np.ascontiguousarray(motion[:, :nodes]) for motion in (x, v, a))
-        return self.respond(x, v, a, wanted, self.settle if settle < 0 else settle)
 
     def respond(self, x: Array, v: Array, a: Array, wanted: Sequence[str], settle: int) -> Block:
         """Response of a block to base displacement, velocity and acceleration, (L, nodes)."""
@@ -176,24 +217,6 @@ class Ensemble:
             squares = np.einsum("iskl,iks->sl", partial, weights)
             mean = self.outputs.mean(0).T @ gram[:, count]
         return np.stack([mean, np.maximum(squares, 0.0)], axis=1)
-
-    def blocks(
-        self, numbers: Iterator[int], workers: int, wanted: Sequence[str] = ()
-    ) -> Iterator[tuple[int, Block]]:
-        """Run blocks on `workers` threads, in order, no more than `workers` ahead."""
-        with ThreadPoolExecutor(workers) as pool:
-            waiting: list[tuple[int, Future[Block]]] = []
-            try:
-                for number in numbers:
-                    waiting.append((number, pool.submit(self.run, number, wanted)))
-                    if len(waiting) >= workers + 1:
-                        first, future = waiting.pop(0)
-                        yield first, future.result()
-                for first, future in waiting:
-                    yield first, future.result()
-            finally:
-                for _, future in waiting:
-                    future.cancel()
 
 
 def fewest_steps(synthesis: Synthesis, spacing: float = LONGEST_STEP) -> int:

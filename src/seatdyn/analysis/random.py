@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 import seatdyn
 from seatdyn.analysis.checkpoint import Checkpoint
-from seatdyn.analysis.ensemble import LONGEST_STEP, Ensemble, choose_steps, settling_time
+from seatdyn.analysis.ensemble import LONGEST_STEP, Members, settling_time
+from seatdyn.analysis.ensemble_runs import ensemble_for, steps_for
 from seatdyn.analysis.linear import poles
 from seatdyn.analysis.random_linear import NOTE, output_coords
 from seatdyn.analysis.transient import check_request
@@ -60,6 +61,8 @@ def random_response(
     is that of Student's t for the logarithm of the mean of the realisations' mean squares. Steps
     are fixed: linear motion is exact, forces of non-linear elements are taken to fourth order, and
     the error that the step makes of any r.m.s. value is measured by halving it (`step_error`).
+    Systems with delays or with elements that have states are run as `simulate` does; their steps
+    follow the motion, and `step_error` is what a hundredth of the tolerance of a step changes.
 
     Parameters
     ----------
@@ -93,7 +96,8 @@ def random_response(
     Raises
     ------
     RequestError
-        A request that cannot be answered, or a checkpoint of another request.
+        A request that cannot be answered, such as a delay beside elements with states, or a
+        checkpoint of another request.
     OutputError
         A checkpoint that cannot be written.
 
@@ -126,7 +130,7 @@ def random_response(
         joined = np.concatenate([np.moveaxis(m, -1, 0) for m in moments])
         return np.asarray(joined[: request.realisations])
 
-    if ensemble.system.channels == () and not request.stable:
+    if system.is_linear and not request.stable:
         status, stop = Status.UNSTABLE, True
     stop = stop or (bool(moments) and request.reached(gathered()))
     if not stop and len(moments) < blocks:
@@ -296,14 +300,14 @@ class _Request(NamedTuple):
             stable,
         )
 
-    def prepare(self) -> tuple[Ensemble, float]:
+    def prepare(self) -> tuple[Members, float]:
         """The ensemble, and the error that its step makes of the r.m.s. values."""
         motion = self.excitation
         total = motion.duration + self.settle
         synthesis = Synthesis(motion.spectrum, total, motion.kind)
         settle = round(self.settle / synthesis.step)
-        steps, error = choose_steps(self.system, synthesis, motion.seed, self.step_tolerance)
-        found = Ensemble.make(
+        steps, error = steps_for(self.system, synthesis, motion.seed, self.step_tolerance)
+        found = ensemble_for(
             self.system, synthesis, settle, motion.seed, steps, spacing=self.spacing
         )
         if self.peaks is not None:
@@ -318,7 +322,7 @@ class _Request(NamedTuple):
         size = np.where(rms > 0.0, rms, 1.0)
         return bool(np.max((high - low) / (2 * size)) <= self.interval)
 
-    def identity(self, ensemble: Ensemble) -> str:
+    def identity(self, ensemble: Members) -> str:
         """What determines the members, as text."""
         return json.dumps(
             {
@@ -349,7 +353,7 @@ def _output(name: str, names: Sequence[str]) -> str:
     return name
 
 
-def _dataset(request: _Request, ensemble: Ensemble, members: Array, status: Status) -> xr.Dataset:
+def _dataset(request: _Request, ensemble: Members, members: Array, status: Status) -> xr.Dataset:
     import xarray as xr
 
     names = list(ensemble.names)
@@ -375,7 +379,7 @@ def _dataset(request: _Request, ensemble: Ensemble, members: Array, status: Stat
             "confidence": request.confidence,
             "duration_s": request.excitation.duration,
             "settle_s": request.settle,
-            "step_s": ensemble.synthesis.step / ensemble.steps,
+            "step_s": ensemble.step,
             "spacing_s": ensemble.spacing,
             "seed": request.excitation.seed,
             "excitation": _description(request.excitation),

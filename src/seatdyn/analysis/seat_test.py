@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import seatdyn
-from seatdyn.analysis.ensemble import Ensemble, choose_steps, settling_time
+from seatdyn.analysis.ensemble import Members, settling_time
+from seatdyn.analysis.ensemble_runs import ensemble_for, steps_for
 from seatdyn.analysis.linear import poles
 from seatdyn.analysis.lowering import forces_at
 from seatdyn.analysis.random import student
@@ -265,7 +266,7 @@ class _Plan(NamedTuple):
         settle = max(settling_time(values) for values in roots)
         synthesis = Synthesis(spectrum, duration + settle)
         level = spectrum.target * spectrum.acceleration_rms() / spectrum.acceleration_rms(LOWEST)
-        chosen = [choose_steps(s, synthesis, seed, tolerance, level=level) for s in systems]
+        chosen = [steps_for(s, synthesis, seed, tolerance, level=level) for s in systems]
         return cls(
             spectrum,
             synthesis,
@@ -277,9 +278,9 @@ class _Plan(NamedTuple):
             max(error for _, error in chosen),
         )
 
-    def ensemble(self, system: SeatSystem) -> Ensemble:
+    def ensemble(self, system: SeatSystem) -> Members:
         """One occupant's runs."""
-        return Ensemble.make(
+        return ensemble_for(
             system,
             self.synthesis,
             self.settle,
@@ -317,7 +318,7 @@ def _prospect(system: SeatSystem, spectrum: Spectrum) -> Status:
     """What is known of a system before it is tested."""
     if is_stable(system):
         return Status.OK
-    if not system.channels:
+    if system.is_linear:
         return Status.UNSTABLE
     return Status.SELF_EXCITED if self_excited(system, spectrum) else Status.OK
 

@@ -160,7 +160,7 @@ def _exact(system: SeatSystem, spectrum: Spectrum) -> dict[str, float] | None:
     """R.m.s. values without random numbers, which a linear system has."""
     from seatdyn.analysis.random_linear import linear_response
 
-    if system.nonlinear_elements:
+    if not system.is_linear or (system.delays and system.memory_elements):
         return None
     rms = linear_response(system, spectrum).rms
     return dict(zip(rms.output.values.tolist(), rms.values.tolist(), strict=True))

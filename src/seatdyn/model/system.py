@@ -284,6 +284,11 @@ class SeatSystem:
         return tuple(e for e in self.all_elements if isinstance(e, NonlinearElement))
 
     @property
+    def is_linear(self) -> bool:
+        """Whether every element is linear, at any amplitude; delays do not matter."""
+        return not self.nonlinear_elements and all(e.is_linear for e in self.memory_elements)
+
+    @property
     def memory_elements(self) -> tuple[MemoryElement, ...]:
         """Elements with states of their own, in the order given."""
         return tuple(e for e in self.all_elements if isinstance(e, MemoryElement))
