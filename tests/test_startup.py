@@ -63,6 +63,14 @@ def test_model_needs_no_compiler():
     assert child(code) == "[]\n"
 
 
+def test_steady_state_loads_only_its_own_engine():
+    code = (
+        "import sys, seatdyn.analysis.steady; "
+        "print([m for m in sys.modules if m in ('seatdyn.kernels.orbit', 'seatdyn.kernels.delay')])"
+    )
+    assert child(code) == "[]\n"
+
+
 def test_unknown_names_are_refused():
     with pytest.raises(AttributeError, match="no attribute 'polse'"):
         _ = sd.polse

@@ -14,6 +14,7 @@ from seatdyn.analysis.delay_orbit import late_multipliers, late_state
 from seatdyn.analysis.delay_time import LateProblem, LateState, late_forces
 from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.periodic import sorted_multipliers
 from seatdyn.analysis.run import Samples, Settings, interruptible
 from seatdyn.errors import ModelError, RequestError
 from seatdyn.kernels import floquet, levels, orbit
@@ -282,12 +283,6 @@ class Balanced:
     def start(self) -> Array:
         """State at t = 0: displacements, then velocities, (2N,)."""
         return self.at(np.zeros(1))[0, : 2 * self.system.linear.size]
-
-
-def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of a monodromy matrix, largest first."""
-    values = np.linalg.eigvals(matrix).astype(complex)
-    return np.asarray(values[np.argsort(-np.abs(values))])
 
 
 def balance(

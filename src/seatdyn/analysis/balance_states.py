@@ -21,10 +21,10 @@ from seatdyn.analysis.balance import (
     Balanced,
     condense,
     output_names,
-    sorted_multipliers,
 )
 from seatdyn.analysis.hysteretic import HystereticProblem, problem_for
 from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.periodic import sorted_multipliers
 from seatdyn.analysis.run import Samples, Settings, interruptible
 from seatdyn.errors import Status
 from seatdyn.kernels import history as kernels

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.balance import balance, output_names, sorted_multipliers
-from seatdyn.analysis.delay_orbit import find_late_orbit
-from seatdyn.analysis.delay_time import LateProblem, LateState
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.periodic import HARMONICS, PER_PERIOD, fill, sorted_multipliers
 from seatdyn.analysis.run import Problem, Run, Settings, State
 from seatdyn.analysis.stability import is_stable
-from seatdyn.analysis.steady_balance import HARMONICS, PER_PERIOD, balanced_state, fill
 from seatdyn.analysis.transient import (
     check_request,
     initial_state,
@@ -140,6 +137,9 @@ def _by_balance(
     system: SeatSystem, excitation: Excitation, method: str, tolerance: float, check: bool
 ) -> xr.Dataset | None:
     """Steady state by harmonic balance; with "auto" None where integration has to decide."""
+    from seatdyn.analysis.balance import balance
+    from seatdyn.analysis.steady_balance import balanced_state
+
     known = not (system.delays or isinstance(excitation, WithForces))
     if method == "auto" and not known:
         return None
@@ -208,7 +208,7 @@ def periodic_state(problem: Problem, excitation: Excitation) -> State:
     if orbit.status is not Status.CONVERGED or orbit.run is None:
         raise RequestError(f"initial = 'periodic' is not possible: {orbit.status.message}")
     end = orbit.run.end
-    return end if isinstance(end, LateState) else problem.start(end.y)
+    return end if problem.system.delays else problem.start(end.y)
 
 
 class Orbit:
@@ -241,7 +241,11 @@ def find_orbit(
     linear = linear and not problem.system.memory_elements
     if linear and not is_stable(problem.system, linearise="tangent"):
         return Orbit(Status.UNSTABLE, period)
-    if isinstance(problem, LateProblem):
+    if problem.system.delays:
+        from seatdyn.analysis.delay_orbit import find_late_orbit
+        from seatdyn.analysis.delay_time import LateProblem
+
+        assert isinstance(problem, LateProblem)
         found = find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
         late = Orbit(
             found.status,
@@ -409,6 +413,8 @@ def _vertex(values: Array) -> float:
 def _nothing(system: SeatSystem) -> xr.Dataset:
     """NaN where there is no steady state."""
     import xarray as xr
+
+    from seatdyn.analysis.balance import output_names
 
     names = output_names(system)
     nan: dict[str, Any] = {

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import seatdyn
-from seatdyn.analysis.balance import Array, Balanced
+from seatdyn.analysis.balance import Balanced
 from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.energy import WORST_RESIDUAL, powers
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
+from seatdyn.analysis.periodic import HARMONICS, PER_PERIOD, fill
 from seatdyn.analysis.run import Problem, Settings, State
 from seatdyn.analysis.transient import to_dataset
 from seatdyn.errors import Status
@@ -24,8 +25,6 @@ from seatdyn.model.excitation import Excitation
 if TYPE_CHECKING:
     import xarray as xr
 
-PER_PERIOD = 1024  # points of the period kept in the Dataset
-HARMONICS = 20
 GRAZING = 1e-3  # of the fastest motion: slower crossings of a jump graze it
 PIECES = 160  # of a period, between events, that the energy balance is integrated over
 GAUSS = np.polynomial.legendre.leggauss(6)
@@ -148,29 +147,3 @@ def balanced_state(
     )  # fmt: skip
     data.attrs = attributes
     return data
-
-
-def fill(
-    data: xr.Dataset,
-    names: list[str],
-    amplitude: Array,
-    maximum: Array,
-    minimum: Array,
-    rms: Array,
-    harmonics: Any,
-    multipliers: Any,
-) -> None:
-    """Add what a steady state has beyond a time run."""
-    from seatdyn.analysis.outputs import output_unit
-
-    data.coords["output"] = names
-    data.coords["harmonic"] = np.arange(harmonics.shape[1])
-    data.coords["output_unit"] = ("output", [output_unit(name) for name in names])
-    note = {"units": "see output_unit"}
-    data["amplitude"] = ("output", amplitude, note)
-    data["maximum"] = ("output", maximum, note)
-    data["minimum"] = ("output", minimum, note)
-    data["rms"] = ("output", rms, note)
-    data["harmonics"] = (("output", "harmonic"), harmonics, note)
-    if multipliers is not None:
-        data["floquet_multipliers"] = ("multiplier", multipliers, {"units": "1"})

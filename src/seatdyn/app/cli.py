@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import sys
@@ -23,6 +24,7 @@ from seatdyn.app.show import Interrupted, Messages, progress_bar, say, write_lin
 from seatdyn.errors import SeatdynError, SeatdynWarning
 
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 1
+OBJECTS_BETWEEN_COLLECTIONS = 100_000
 
 
 class Commands(TyperGroup):
@@ -84,7 +86,12 @@ def main() -> None:
     """Entry point of `seatdyn`."""
     # compiles the kernels a tenth faster and runs them as fast; read when numba is first imported
     os.environ.setdefault("NUMBA_OPT", "2")
-    app()
+    # what imports make stays; looking for garbage among it took a third of a short command's time
+    gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
+    try:
+        app()
+    finally:
+        gc.freeze()  # nor is there anything to look for at the end
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

@@ -1,0 +1,47 @@
+"""What a steady state has beyond a time run, whichever way it was found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatdyn.analysis.outputs import output_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+PER_PERIOD = 1024  # points of the period kept in the Dataset
+HARMONICS = 20
+
+
+def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of a monodromy matrix, largest first."""
+    values = np.linalg.eigvals(matrix).astype(complex)
+    return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def fill(
+    data: xr.Dataset,
+    names: list[str],
+    amplitude: Array,
+    maximum: Array,
+    minimum: Array,
+    rms: Array,
+    harmonics: Any,
+    multipliers: Any,
+) -> None:
+    """Add what a steady state has beyond a time run."""
+    data.coords["output"] = names
+    data.coords["harmonic"] = np.arange(harmonics.shape[1])
+    data.coords["output_unit"] = ("output", [output_unit(name) for name in names])
+    note = {"units": "see output_unit"}
+    data["amplitude"] = ("output", amplitude, note)
+    data["maximum"] = ("output", maximum, note)
+    data["minimum"] = ("output", minimum, note)
+    data["rms"] = ("output", rms, note)
+    data["harmonics"] = (("output", "harmonic"), harmonics, note)
+    if multipliers is not None:
+        data["floquet_multipliers"] = ("multiplier", multipliers, {"units": "1"})
