@@ -136,3 +136,18 @@ def test_what_cannot_be_answered():
     held = on_seat(sd.LuGreFriction(300.0, 300.0, 0.01, 1e5, 300.0), damping=10.0)
     data = sd.random_response(held, motion(3.0), realisations=2, settle=1.0)
     assert data.attrs["status"] == "ok"  # its linear part alone is unstable
+
+
+@pytest.mark.parametrize(
+    ("element", "low", "high"),
+    [(sd.BoucWen(5e3, 0.1, 50.0, 20.0, viscous=20.0), -0.07, 0.0), (DAHL, -0.02, 0.06)],
+    ids=["bouc-wen", "dahl"],
+)
+def test_bias_of_statistical_linearisation(element, low, high):
+    """Of the travel; the interval is some 4 % wide on either side."""
+    system = on_seat(element, damping=260.0)
+    found = sd.statistical_linearisation(system, EM3).rms.sel(output="seat-base")
+    runs = sd.random_response(system, motion(60.0), realisations=16).sel(output="seat-base")
+    assert low < float(found / runs.rms) - 1.0 < high
+    plain = linear_response(on_seat(damping=260.0), EM3).rms.sel(output="seat-base")
+    assert float(plain / runs.rms) - 1.0 > 0.1  # what leaving it out would miss

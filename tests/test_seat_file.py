@@ -121,7 +121,7 @@ def test_description_has_every_number_with_its_unit():
         cushion=[sd.Zener(60e3, 30e3, 0.02)],
         cushion_mass=1.0,
     )
-    found = seat_description(seat)
+    found = seat_description(seat, [*seat.suspension, *seat.cushion])
     lever, own, table, foam = found["elements"]
     assert lever["element"] == "damper"
     assert lever["type"] == "ScissorLever"

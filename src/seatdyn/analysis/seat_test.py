@@ -471,6 +471,8 @@ def _joined(
     """One Dataset over the occupants, with what produced it."""
     import xarray as xr
 
+    system = SeatSystem(body, seat)
+
     worst = next((d for d in results if d.attrs["status"] != Status.OK), results[0])
     data = xr.concat(
         results,
@@ -490,9 +492,9 @@ def _joined(
         "input_class": spectrum.name,
         "standard": spectrum.definition.standard,
         "weighting": WEIGHTING,
-        "point": measuring_point(SeatSystem(body, seat)),
+        "point": measuring_point(system),
         "seat": repr(seat),
-        "seat_description": json.dumps(seat_description(seat)),
+        "seat_description": json.dumps(seat_description(seat, system.all_elements)),
         "seat_title": seat.title,
         "seat_source": seat.source,
         "body": body.name,

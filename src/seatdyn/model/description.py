@@ -14,24 +14,23 @@ from seatdyn.model.tables import UNITS
 SHOWN_APART = ("between", "label")
 
 
-def seat_description(seat: Seat, elements: Sequence[Element] | None = None) -> dict[str, Any]:
+def seat_description(seat: Seat, elements: Sequence[Element]) -> dict[str, Any]:
     """Return a seat as plain data that JSON can hold.
 
     Parameters
     ----------
     seat : Seat
-    elements : all that act in its system; by default those of the seat
+    elements : all that act in its system, each with its whole delay
 
     Returns
     -------
     dict
-        name, title, source, mass and cushion_mass (kg), delay (s), and `elements`: of each its
+        name, title, source, mass and cushion_mass (kg), and `elements`: of each its
         element (the name), type, between (two nodes) and parameters: name -> value and unit.
     """
-    parts = (*seat.suspension, *seat.cushion) if elements is None else elements
     return {
         **{key: getattr(seat, key) for key in ("name", "title", "source")},
-        **{key: getattr(seat, key) for key in ("mass", "cushion_mass", "delay")},
+        **{key: getattr(seat, key) for key in ("mass", "cushion_mass")},
         "elements": [
             {
                 "element": part.name,
@@ -39,7 +38,7 @@ def seat_description(seat: Seat, elements: Sequence[Element] | None = None) -> d
                 "between": list(part.between),
                 "parameters": _parameters(part),
             }
-            for part in parts
+            for part in elements
         ],
     }
 

@@ -19,8 +19,6 @@ def seat_rows(description: str) -> list[tuple[str, str, str, str]]:
     rows = [("seat", "mass", _text(seat["mass"]), "kg")]
     if seat["cushion_mass"]:
         rows.append(("cushion", "mass", _text(seat["cushion_mass"]), "kg"))
-    if seat["delay"]:
-        rows.append(("whole suspension", "delay", _text(seat["delay"]), "s"))
     for part in seat["elements"]:
         kind = "" if part["element"] == part["type"] else f" ({part['type']})"
         name = f"{part['element']}{kind}, {' to '.join(part['between'])}"
