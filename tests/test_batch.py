@@ -7,7 +7,7 @@ import pytest
 
 import seatdyn as sd
 from conftest import paper_system
-from seatdyn.analysis.batch import _member
+from seatdyn.analysis.parameters import with_parameters
 
 SINE = sd.Sine(1.55, amplitude=0.8857)
 SEED, MEMBERS = 20, 100
@@ -46,7 +46,9 @@ def test_seeded_sets_converge_and_agree_with_time_integration(name):
     assert np.all(np.isnan(states.amplitude.values[~good]))
     compared = 0
     for p in np.nonzero(good & (states.floquet_max.values < 0.99))[0][:8]:
-        member = _member(system, SINE, {key: float(values[p]) for key, values in sets.items()})
+        member = with_parameters(
+            system, SINE, {key: float(values[p]) for key, values in sets.items()}
+        )
         reached = sd.steady_state(*member, method="time")
         assert reached.attrs["status"] == "converged"
         np.testing.assert_allclose(states.amplitude.values[p], reached.amplitude, rtol=TOLERANCE)

@@ -57,6 +57,7 @@ _WHERE = {
     "seatdyn.analysis.static": "static_equilibrium adjust_ride_height settled",
     "seatdyn.analysis.steady": "steady_state",
     "seatdyn.analysis.batch": "steady_states",
+    "seatdyn.analysis.gradient": "steady_gradient",
     "seatdyn.signals.measurement": "Measurement",
     "seatdyn.signals.files": "read_measurement",
     "seatdyn.analysis.curves": "response_curve parameter_curve backbone",

@@ -14,7 +14,7 @@ from seatdyn.analysis.delay_orbit import late_multipliers, late_state
 from seatdyn.analysis.delay_time import LateProblem, LateState, late_forces
 from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.periodic import sorted_multipliers
+from seatdyn.analysis.periodic import PER_PERIOD, sorted_multipliers
 from seatdyn.analysis.run import Samples, Settings, interruptible
 from seatdyn.errors import ModelError, RequestError
 from seatdyn.kernels import floquet, levels, orbit
@@ -34,7 +34,7 @@ from seatdyn.kernels.condensed import (
 from seatdyn.kernels.dense import element_forces
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE
-from seatdyn.kernels.orbit import NODES, Look, make_look
+from seatdyn.kernels.orbit import Look, make_look
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import DEGREES, Excitation, Motion
 from seatdyn.model.memory import MemoryElement
@@ -92,9 +92,10 @@ def condense(
         shift = bearing_stiffness(system, pairs) * prompt
         linear[:, [*range(n), 2 * n]] -= (pull * shift) @ incidence
     pull = np.ascontiguousarray(pull)
-    damped = linear[:, n : 2 * n] @ pull
+    stiff, damped = linear[:, :n], linear[:, n : 2 * n]
+    later = np.stack([damped @ pull, (damped @ damped + stiff) @ pull])
     return Condensed(
-        linear, pull, incidence[:, :n] @ pull, damped, incidence[:, :n] @ damped,
+        linear, pull, incidence[:, :n] @ pull, later, incidence[:, :n] @ later,
         np.column_stack([np.vstack([ends, [[0, 0]]]), laws]), plant.elements, plant.parameters,
         plant.breaks, base, shift,
         np.array([channel.delay for channel in system.channels] + [0.0] * len(watched)), np.ones(2),
@@ -225,8 +226,8 @@ class Balanced:
         return samples._replace(elastic=np.column_stack([*elastic, z[:, :0]]))
 
     def in_period(self) -> Samples:
-        """The motion at its samples, where it was found."""
-        return self.sample(2 * np.pi * np.arange(self.samples) / self.samples)
+        """The motion at many phases of its period."""
+        return self.sample(2 * np.pi * np.arange(PER_PERIOD) / PER_PERIOD)
 
     def _across(self, z: Array, base: Array, j: int) -> Array:
         extended = np.column_stack([z, base])
@@ -266,20 +267,6 @@ class Balanced:
         times = (breaks[:, None] + 2 * np.pi * turns) / omega
         return late_state(problem, lambda t: self.sample(omega * t), times.ravel())
 
-    def harmonics(self, count: int) -> NDArray[np.complex128]:
-        """Complex harmonics (o, count) of every output: those of motions are exact."""
-        n, known = self.system.linear.size, min(count, self.count)
-        look, k = self.look, 1j * self.problem.omega * np.arange(known)
-        samples = look.columns[:-1, : self.samples]
-        spectra = np.fft.rfft(samples, axis=1)[:, :known] * (2 / self.samples)
-        spectra[:, 0] /= 2
-        for i in range(n):
-            for order in range(3):
-                spectra[order * n + i] = look.nodes[NODES, :known, i] * k**order
-        result = np.zeros((len(self.names), count), complex)
-        result[:, :known] = look.rows @ spectra
-        return result
-
     def start(self) -> Array:
         """State at t = 0: displacements, then velocities, (2N,)."""
         return self.at(np.zeros(1))[0, : 2 * self.system.linear.size]
@@ -312,20 +299,42 @@ def balance(
     if problem is None:
         return None
     names, rows = output_rows(system)
-    nodes, channels = problem.pull.shape
+    work, look = spaces(system, rows, max(most, 4 * _first_samples(problem, guess)))
+    with CompileNotice(), interruptible():
+        return solve(system, problem, rows, names, work, look, tolerance, guess=guess)
+
+
+def _first_samples(problem: Condensed, guess: NDArray[np.complex128] | None) -> int:
+    """Samples of the coarsest level."""
     first = FEWEST_SAMPLES
     while first // OVERSAMPLING <= 2 * (problem.base.size - 1):
         first *= 2
-    if guess is not None:
-        first = max(first, GUESSED_SAMPLES)
-    most = max(most, 4 * first)
-    work = make_work(nodes, channels, most)
-    look = make_look(rows, nodes, most)
+    return first if guess is None else max(first, GUESSED_SAMPLES)
+
+
+def spaces(system: SeatSystem, rows: Array, most: int) -> tuple[Work, Look]:
+    """Space for solutions of up to so many samples."""
+    nodes = system.linear.size
+    return make_work(nodes, len(system.channels), most), make_look(rows, nodes, most)
+
+
+def solve(
+    system: SeatSystem,
+    problem: Condensed,
+    rows: Array,
+    names: list[str],
+    work: Work,
+    look: Look,
+    tolerance: float,
+    *,
+    guess: NDArray[np.complex128] | None = None,
+) -> Balanced:
+    """Motion of a problem, in spaces given: it is lost when these are used again."""
+    first, look = _first_samples(problem, guess), look._replace(rows=rows)
     if guess is not None:
         known = min(len(guess), first // OVERSAMPLING)
         work.series[KEPT, :known] = guess[:known]
-    with CompileNotice(), interruptible():
-        code, error, samples, evaluations = levels.ascend(
-            problem, work, look, tolerance, first, most, guess is not None
-        )
+    code, error, samples, evaluations = levels.ascend(
+        problem, work, look, tolerance, first, work.lines.shape[1], guess is not None
+    )
     return Balanced(system, problem, work, look, names, code, error, samples, evaluations)

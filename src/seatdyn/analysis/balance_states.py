@@ -34,7 +34,6 @@ from seatdyn.kernels.condensed import (
     CHANNEL,
     LEVEL,
     MOST_EVENTS,
-    OVERSAMPLING,
     PRESENT,
     RESIDUAL,
     ROW,
@@ -43,7 +42,7 @@ from seatdyn.kernels.condensed import (
     VELOCITY,
     make_work,
 )
-from seatdyn.kernels.history import START, History, make_history
+from seatdyn.kernels.history import FINER, START, History, make_history
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE, SMALLEST_STRIDE, STRIDE, estimate_of
 from seatdyn.kernels.memory import HELD, Memory
@@ -70,6 +69,11 @@ class BalancedWithStates(Balanced):
     memory: Memory
     history: History
 
+    @property
+    def count(self) -> int:
+        """Number of harmonics, the mean included."""
+        return self.samples // FINER
+
     def sample(
         self, phases: Array, rows: NDArray[np.int64] | None = None, sides: Array | None = None
     ) -> Samples:
@@ -92,13 +96,6 @@ class BalancedWithStates(Balanced):
     def outputs(self, phases: Array, *sided: Any) -> Array:
         """Every output at phases in rad, (o, p)."""
         return np.array(list(named_outputs(self.system, self.sample(phases, *sided)).values()))
-
-    def harmonics(self, count: int) -> NDArray[np.complex128]:
-        """Complex harmonics (o, count) of every output, of its samples."""
-        grid = np.linspace(0.0, 2 * math.pi, self.samples, endpoint=False)
-        spectra = np.fft.rfft(self.outputs(grid), axis=1)[:, :count] * (2 / self.samples)
-        spectra[:, 0] /= 2
-        return np.asarray(spectra)
 
     def start(self) -> Array:
         """State at t = 0: displacements, velocities, states of elements."""
@@ -193,7 +190,7 @@ class Solver:
     @property
     def count(self) -> int:
         """Harmonics of the present level, the mean included."""
-        return self.samples // OVERSAMPLING
+        return self.samples // FINER
 
     def vector(self, place: int) -> Array:
         """A series as a real vector, harmonic by harmonic, so that its norm weighs speeds, too."""
@@ -337,7 +334,7 @@ def balance_with_states(
         for e in elements
     ]
     first = FEWEST_SAMPLES
-    while first // OVERSAMPLING <= 2 * (problem.base.size - 1):
+    while first // FINER <= 2 * (problem.base.size - 1):
         first *= 2
     most = max(most, 4 * first)
     names, n = output_names(system), system.linear.size
@@ -387,7 +384,7 @@ def _ascend(
             moved = np.abs(extrema - past).max(0)
             moved[moved <= 1e-13 * np.abs(extrema).max(0)] = 0.0
             before, change = change, float((moved / half).max())
-            estimate = float(estimate_of.py_func(change, before, left))
+            estimate = float(estimate_of.py_func(change, before, False, left))
             if estimate <= tolerance:
                 return result(CONVERGED, estimate)
             if 2 * solver.samples > most:

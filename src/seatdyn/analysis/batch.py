@@ -4,26 +4,34 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatdyn.analysis.balance import Array, balance, output_names
-from seatdyn.analysis.outputs import output_unit, unique_names
+from seatdyn.analysis.balance import (
+    MOST_SAMPLES,
+    Array,
+    balance,
+    output_rows,
+    solve,
+    spaces,
+)
+from seatdyn.analysis.members import Members
+from seatdyn.analysis.outputs import output_unit
+from seatdyn.analysis.parameters import require_known, with_parameters
+from seatdyn.analysis.run import interruptible
 from seatdyn.analysis.steady_balance import status_of
 from seatdyn.analysis.transient import check_request
 from seatdyn.errors import RequestError, SeatdynError, Status
+from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.orbit import HIGH, LOW
 from seatdyn.model.excitation import Sine
 from seatdyn.model.system import SeatSystem
-from seatdyn.units import number, suggestion
+from seatdyn.units import number
 
 if TYPE_CHECKING:
     import xarray as xr
-
-SEAT_MASS, FREQUENCY, LEVEL = "seat_mass", "frequency", "base_amplitude"
 
 
 def steady_states(
@@ -43,7 +51,7 @@ def steady_states(
     system, excitation : what all sets have in common
     parameters : name -> values (p,), the same number of each: "seat_mass" in kg, "frequency" in Hz
         and "base_amplitude" in m/s2 peak, or "NAME.FIELD" of an element, such as
-        "QuadraticDamper.coefficient"
+        "QuadraticDamper.coefficient"; those of the body and the delay as in `steady_gradient`
     tolerance : of the error estimate, relative to the amplitude of each output
     stability : work out the largest Floquet multiplier, too; without it a motion that sticks at a
         jump, or grazes it, is not found out
@@ -77,30 +85,37 @@ def steady_states(
     if not isinstance(excitation, Sine):
         raise RequestError(f"excitation = {excitation!r} must be a Sine here; use steady_state.")
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
-    columns = _columns(system, parameters)
-    members = len(next(iter(columns.values())))
-    names = output_names(system)
-    amplitude = np.full((members, len(names)), np.nan)
-    error, largest = np.full(members, np.nan), np.full(members, np.nan)
-    status = np.full(members, str(Status.CONVERGED), dtype=object)
-    message = np.full(members, "", dtype=object)
-    for p in range(members):
-        values = {name: float(column[p]) for name, column in columns.items()}
-        try:
-            found = balance(*_member(system, excitation, values), tolerance)
-        except SeatdynError as reason:
-            status[p], message[p] = "refused", str(reason)
-            continue
-        assert found is not None
-        multipliers, slowest = np.array([np.nan]), np.inf
-        if stability and found.found:
-            multipliers, slowest = found.floquet()
-        how = status_of(found, slowest)
-        status[p], message[p] = str(how), how.message
-        error[p] = found.error
-        if how.valid:
-            amplitude[p] = (found.look.extrema[HIGH] - found.look.extrema[LOW]) / 2
-            largest[p] = abs(multipliers[0]) if how is Status.CONVERGED else np.nan
+    columns = _columns(system, excitation, parameters)
+    size = len(next(iter(columns.values())))
+    names, rows = output_rows(system)
+    amplitude = np.full((size, len(names)), np.nan)
+    error, largest = np.full(size, np.nan), np.full(size, np.nan)
+    status = np.full(size, str(Status.CONVERGED), dtype=object)
+    message = np.full(size, "", dtype=object)
+    members = Members(system, excitation, columns)
+    space = spaces(system, rows, MOST_SAMPLES)
+    with CompileNotice(), interruptible():
+        for p in range(size):
+            try:
+                if members.known[p]:
+                    found = solve(system, *members[p], names, *space, tolerance)
+                else:
+                    values = {name: float(column[p]) for name, column in columns.items()}
+                    own = balance(*with_parameters(system, excitation, values), tolerance)
+                    assert own is not None
+                    found = own
+            except SeatdynError as reason:
+                status[p], message[p] = "refused", str(reason)
+                continue
+            multipliers, slowest = np.array([np.nan]), np.inf
+            if stability and found.found:
+                multipliers, slowest = found.floquet()
+            how = status_of(found, slowest)
+            status[p], message[p] = str(how), how.message
+            error[p] = found.error
+            if how.valid:
+                amplitude[p] = (found.look.extrema[HIGH] - found.look.extrema[LOW]) / 2
+                largest[p] = abs(multipliers[0]) if how is Status.CONVERGED else np.nan
     data = xr.Dataset(
         {
             "amplitude": (("member", "output"), amplitude, {"units": "see output_unit"}),
@@ -124,17 +139,14 @@ def steady_states(
     return data
 
 
-def _columns(system: SeatSystem, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
+def _columns(
+    system: SeatSystem, excitation: Sine, parameters: Mapping[str, ArrayLike]
+) -> dict[str, Array]:
     """The parameters as arrays of one length, every name known."""
-    known = [SEAT_MASS, FREQUENCY, LEVEL]
-    for name, element in zip(unique_names(system.all_elements), system.all_elements, strict=True):
-        fields = [key for key, f in type(element).__dataclass_fields__.items() if f.metadata]
-        known += [f"{name}.{field}" for field in fields]
-    columns = {}
-    for name, values in parameters.items():
-        if name not in known:
-            raise RequestError(f"Nothing here is called {name!r}. {suggestion(name, known)}")
-        columns[name] = np.atleast_1d(np.asarray(values, dtype=float))
+    require_known(system, excitation, list(parameters))
+    columns = {
+        name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in parameters.items()
+    }
     lengths = {name: len(column) for name, column in columns.items()}
     if not columns or len(set(lengths.values())) != 1:
         raise RequestError(
@@ -142,24 +154,3 @@ def _columns(system: SeatSystem, parameters: Mapping[str, ArrayLike]) -> dict[st
             "as many values."
         )
     return columns
-
-
-def _member(
-    system: SeatSystem, excitation: Sine, values: Mapping[str, float]
-) -> tuple[SeatSystem, Sine]:
-    """System and excitation with one set of parameters."""
-    names = unique_names(system.all_elements)
-    changes: dict[int, dict[str, Any]] = {}
-    for name, value in values.items():
-        if "." in name:
-            element, field = name.rsplit(".", 1)
-            changes.setdefault(names.index(element), {})[field] = value
-    own = (*system.seat.suspension, *system.elements)
-    elements = tuple(replace(e, **changes[i]) if i in changes else e for i, e in enumerate(own))
-    count = len(system.seat.suspension)
-    mass = values.get(SEAT_MASS, system.seat.mass)
-    seat = replace(system.seat, mass=mass, suspension=elements[:count])
-    level = values.get(LEVEL, excitation.peak)
-    frequency = values.get(FREQUENCY, excitation.frequency)
-    motion = replace(excitation, frequency=frequency, amplitude=level, rms=None)
-    return replace(system, seat=seat, elements=elements[count:]), motion

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-PER_PERIOD = 1024  # points of the period kept in the Dataset
+PER_PERIOD = 1024  # points of the period where it is looked at, and kept
 HARMONICS = 20
 
 
@@ -21,6 +21,13 @@ def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:
     """Eigenvalues of a monodromy matrix, largest first."""
     values = np.linalg.eigvals(matrix).astype(complex)
     return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def harmonics_of(values: Array) -> NDArray[np.complex128]:
+    """Complex harmonics (o, HARMONICS + 1) of outputs (o, p) at equal phases of a period."""
+    spectrum = np.fft.rfft(values, axis=1)[:, : HARMONICS + 1] / values.shape[1]
+    spectrum[:, 1:] *= 2
+    return np.asarray(spectrum)
 
 
 def fill(

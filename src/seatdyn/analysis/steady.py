@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.periodic import HARMONICS, PER_PERIOD, fill, sorted_multipliers
+from seatdyn.analysis.periodic import PER_PERIOD, fill, harmonics_of, sorted_multipliers
 from seatdyn.analysis.run import Problem, Run, Settings, State
 from seatdyn.analysis.stability import is_stable
 from seatdyn.analysis.transient import (
@@ -436,8 +436,6 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     names = list(outputs)
     values = np.array(list(outputs.values()))
     top, bottom = np.array([high[n] for n in names]), np.array([low[n] for n in names])
-    spectrum = np.fft.rfft(values, axis=1)[:, : HARMONICS + 1] / PER_PERIOD
-    spectrum[:, 1:] *= 2
     multipliers = orbit.multipliers
     if type(problem) is Problem:  # with delays or states of elements a state is more than this
         scales = orbit_scales(problem, orbit.run)
@@ -447,6 +445,6 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     data = to_dataset(system, samples)
     fill(
         data, names, (top - bottom) / 2, top, bottom, np.sqrt(np.mean(values**2, axis=1)),
-        spectrum, multipliers,
+        harmonics_of(values), multipliers,
     )  # fmt: skip
     return data

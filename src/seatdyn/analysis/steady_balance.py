@@ -13,7 +13,7 @@ from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.energy import WORST_RESIDUAL, powers
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.periodic import HARMONICS, PER_PERIOD, fill
+from seatdyn.analysis.periodic import fill, harmonics_of
 from seatdyn.analysis.run import Problem, Settings, State
 from seatdyn.analysis.transient import to_dataset
 from seatdyn.errors import Status
@@ -137,13 +137,13 @@ def balanced_state(
         message = f"This motion solves the equations, but it is unstable. {message}"
     attributes |= {"status": str(status), "message": message, "energy_residual": residual}
 
-    samples = balanced.sample(2 * np.pi * np.arange(PER_PERIOD) / PER_PERIOD)
+    samples = balanced.in_period()
     data = to_dataset(balanced.system, samples)
     values = np.array(list(named_outputs(balanced.system, samples).values()))
     high, low = balanced.look.extrema[[HIGH, LOW]]
     fill(
         data, balanced.names, (high - low) / 2, high, low, np.sqrt(np.mean(values**2, axis=1)),
-        balanced.harmonics(HARMONICS + 1), multipliers,
+        harmonics_of(values), multipliers,
     )  # fmt: skip
     data.attrs = attributes
     return data

@@ -35,17 +35,23 @@ from seatdyn.kernels.condensed import (
     REDUCED,
     RESIDUAL,
     SERIES,
+    TAILS,
     VELOCITY,
     across,
+    add_sawtooths,
     copy_events,
     number_of,
     reduce_series,
-    sawtooth,
     tail_weights,
 )
 from seatdyn.kernels.fourier import harmonics, samples_of
 from seatdyn.kernels.jit import inner, spliced
-from seatdyn.kernels.tangent import apply_inverse, prepare_tangent, solve_tangent
+from seatdyn.kernels.tangent import (
+    apply_inverse,
+    mean_inverse,
+    prepare_tangent,
+    solve_tangent,
+)
 
 CONVERGED, NOT_CONVERGED, TOO_MANY_EVENTS, NOT_FINITE = range(4)
 FAST = 0.25  # fall of the residual per step below which a factorised tangent is kept
@@ -69,12 +75,11 @@ def sample_motion(problem, lines, series, count, n, events, weights, reduced, d,
             lines[LINE, k] *= 1j * (k * w)
         samples_of(lines[LINE], count, n, lines, v[c])
         for e in range(number_of(events)):
-            third, fourth = weights[e, 2 * c], weights[e, 2 * c + 1]
+            third, fourth = weights[e, TAILS * c], weights[e, TAILS * c + 1]
+            fifth = weights[e, TAILS * c + 2]
             origin = events[e, PHASE] + w * problem.lag[int(events[e, CHANNEL])]
-            for i in range(n):
-                _, p2, p3, p4 = sawtooth(2.0 * math.pi * i / n - origin)
-                d[c, i] += third * p3 + fourth * p4
-                v[c, i] += w * (third * p2 + fourth * p3)
+            add_sawtooths(d[c], n, origin, 0.0, 0.0, third, fourth, fifth)
+            add_sawtooths(v[c], n, origin, 0.0, w * third, w * fourth, w * fifth, 0.0)
 
 
 @spliced
@@ -98,9 +103,7 @@ def force_harmonics(problem, work, count, n):
         for e in range(number_of(events)):
             jump, corner, bend = break_sizes(events, e, j, m)
             if jump != 0.0 or corner != 0.0 or bend != 0.0:
-                for i in range(n):
-                    p1, p2, p3, _ = sawtooth(2.0 * math.pi * i / n - events[e, PHASE])
-                    f[i] -= jump * p1 + corner * p2 + bend * p3
+                add_sawtooths(f, n, events[e, PHASE], -jump, -corner, -bend, 0.0, 0.0)
         harmonics(f, n, work.lines, count, line)
         for e in range(number_of(events)):
             jump, corner, bend = break_sizes(events, e, j, m)
@@ -121,7 +124,7 @@ def evaluate(problem, work, count, n):
     """Fill motion, events, forces and residual of the present series; False: too many events."""
     m = problem.lag.size
     events, weights = work.events[PRESENT], work.events[PRESENT, :, CORNER + 2 * m :]
-    tail_weights(problem, events, problem.gain, problem.damped_gain, weights)
+    tail_weights(problem, events, problem.gain, problem.later_gain, weights)
     sample_motion(
         problem, work.lines, work.series[SERIES], count, n, events, weights, work.series[REDUCED],
         work.samples[DISPLACEMENT], work.samples[VELOCITY],
@@ -152,18 +155,23 @@ def size_of(series, count):
 
 
 @inner
-def solve_level(problem, work, n, tolerance):
+def solve_level(problem, work, n, tolerance, factors):
     """Newton's method with n samples from the present series, which it changes.
 
+    factors : unknowns solved together with the tangent as it was factorised last; 0 for none. A
+        tangent of fewer samples serves as well, where it is one of the lowest harmonics.
+
     The step is made with the factorised tangent while that lets the residual fall fast, else by
-    GMRES with the whole tangent. Returns a code, the last residual relative to the motion, and
-    the evaluations used.
+    GMRES with the whole tangent. Returns a code, the last residual relative to the motion, the
+    evaluations used, and the factors.
     """
     m, count = problem.lag.size, n // OVERSAMPLING
     series = work.series
     norm, damping, scale = np.inf, 1.0, 1.0
     fresh, whole = False, False
-    factors = 0  # unknowns solved together; 0 where there are no factors
+    factors = max(factors, 0)
+    if factors > 0:
+        mean_inverse(problem, work, count)
     code, used = NOT_CONVERGED, MOST_ITERATIONS
     restoring = False
     for iteration in range(MOST_ITERATIONS):
@@ -200,7 +208,7 @@ def solve_level(problem, work, n, tolerance):
                 whole = whole or fresh
                 factors = 0
             continue
-        if not restoring and fall > FAST:
+        if iteration > 0 and not restoring and fall > FAST:
             whole = whole or (fresh and damping == 1.0)
             factors = 0
         restoring = False
@@ -222,4 +230,4 @@ def solve_level(problem, work, n, tolerance):
                 series[CHANGE, k, j] = -series[CHANGE, k, j]
                 series[BEFORE, k, j] = series[SERIES, k, j]
                 series[SERIES, k, j] += series[CHANGE, k, j]
-    return code, norm / scale, used
+    return code, norm / scale, used, factors

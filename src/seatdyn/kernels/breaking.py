@@ -46,6 +46,7 @@ from seatdyn.kernels.jit import inner, spliced
 STEP = 1e-6  # of the largest motion: differences of laws
 SHORT = 1e-3  # rad: one-sided differences along the motion
 REFINEMENTS = 40
+SETTLED = 1e-8  # rad: a step of Newton's method after which the next would be a rounding
 NO_CORNER = 1e-7  # of the largest force: weaker corners are no matter
 
 
@@ -77,13 +78,16 @@ def law_slope(problem, j, d, v, dd, dv):
 
     It never reaches across a jump; dd and dv are not negative and one of them is zero.
     """
-    centre = law_force(problem, j, d, v)
-    above, below, width = centre, centre, 0.0
-    if same_side(problem, j, d, v, d + dd, v + dv):
-        above, width = law_force(problem, j, d + dd, v + dv), dd + dv
-    if same_side(problem, j, d, v, d - dd, v - dv):
-        below, width = law_force(problem, j, d - dd, v - dv), width + dd + dv
-    return (above - below) / width if width > 0.0 else 0.0
+    up, down = dd + dv, dd + dv
+    if not same_side(problem, j, d, v, d + dd, v + dv):
+        up = 0.0
+    if not same_side(problem, j, d, v, d - dd, v - dv):
+        down = 0.0
+    if up + down == 0.0:
+        return 0.0
+    above = law_force(problem, j, d + dd, v + dv) if up > 0.0 else law_force(problem, j, d, v)
+    below = law_force(problem, j, d - dd, v - dv) if down > 0.0 else law_force(problem, j, d, v)
+    return (above - below) / (up + down)
 
 
 @spliced
@@ -181,7 +185,7 @@ def locate(problem, work, count, r, j, low, high, low_value, high_value):
         trial = theta - g / slope if slope != 0.0 else low
         if not low < trial < high:
             trial = 0.5 * (low + high)
-        settled = abs(trial - theta) <= 1e-14 * (1.0 + abs(theta))
+        settled = abs(trial - theta) <= SETTLED
         theta = trial
         if settled:
             break
@@ -199,7 +203,6 @@ def find_events(problem, work, count, n):
         for r in range(problem.channels[j, BREAKS], problem.channels[j + 1, BREAKS]):
             p, q = problem.breaks[r, ON_DISPLACEMENT], problem.breaks[r, ON_VELOCITY]
             value = problem.breaks[r, VALUE]
-            jumps = problem.breaks[r, IS_JUMP] != 0.0
             before = p * d[n - 2] + q * v[n - 2] - value
             here = p * d[n - 1] + q * v[n - 1] - value
             for i in range(n):
@@ -212,7 +215,7 @@ def find_events(problem, work, count, n):
                     enough = enough and locate(
                         problem, work, count, r, j, theta, theta + step, here, after
                     )
-                elif jumps and above == (before > 0.0) and nearest and 4 * abs(here) < abs(bend):
+                elif above == (before > 0.0) and nearest and 4 * abs(here) < abs(bend):
                     # between the samples the distance may change its sign twice
                     turn = theta + step * 0.5 * (before - after) / bend
                     middle, _, _, _, _ = distance_at(problem, work, count, r, j, turn)

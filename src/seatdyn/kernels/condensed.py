@@ -10,10 +10,12 @@ d_i are unknown (`balance`).
 
 Where a force jumps or has a corner its series converges slowly, and so does the motion. Such places
 (events) are known exactly, so their part is summed in closed form. With P1 the sawtooth that jumps
-up by one at theta = 0, and P2, P3, P4 its integrals of zero mean (harmonics 1/(pi (i k)^n)), the
-force F = J P1 + S P2 + smooth leads, by X(s) = pull/s^2 + A_v pull/s^3 + ..., to the motion
+up by one at theta = 0, and P2 .. P5 its integrals of zero mean (harmonics 1/(pi (i k)^n)), the
+force F = J P1 + S P2 + C P3 + smooth leads, by X(s) = pull/s^2 + A_v pull/s^3 + A_2 pull/s^4 + ...
+with A_2 = A_v^2 + A_z, to the motion
 
-    z = -[pull J/omega^2] P3 - [pull S/omega^2 + A_v pull J/omega^3] P4 + faster converging
+    z = -[pull J/omega^2] P3 - [pull S/omega^2 + A_v pull J/omega^3] P4
+        -[pull C/omega^2 + A_v pull S/omega^3 + A_2 pull J/omega^4] P5 + faster converging
 
 whose part beyond the last harmonic is the tail.
 
@@ -30,13 +32,13 @@ import numpy as np
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import inner, spliced
 
-OVERSAMPLING = 4  # samples per harmonic
+OVERSAMPLING = 2  # samples per harmonic
 
 
 class Condensed(NamedTuple):
     """A system under a periodic base motion; arrays as in `Plant`.
 
-    damped_pull, damped_gain : A_v pull, (N, m), and the same between the channels, (m, m)
+    later_pull, later_gain : A_v pull and A_2 pull, (2, N, m), and between the channels, (2, m, m)
     base : (B,) complex harmonics 0 .. B-1 of the base displacement, m
     shift : (m,) stiffness in N/m that `linear` has and the laws of the channel are reduced by
     lag : (m,) delay of each channel's force, s: a factor exp(-i k omega lag) on its harmonics
@@ -49,8 +51,8 @@ class Condensed(NamedTuple):
     linear: np.ndarray
     pull: np.ndarray
     gain: np.ndarray
-    damped_pull: np.ndarray
-    damped_gain: np.ndarray
+    later_pull: np.ndarray
+    later_gain: np.ndarray
     channels: np.ndarray
     elements: np.ndarray
     parameters: np.ndarray
@@ -76,7 +78,7 @@ class Work(NamedTuple):
     samples : (., m, n): see DISPLACEMENT ...
     tangent : (u, u + 3): factors of the tangent, pivots, a right-hand side, steep samples
     krylov : (q + 1, q + 3): projected tangent, its rotations and right-hand side
-    events : (3, E + 1, 6 + 4m): see PHASE ...; row E holds their number
+    events : (3, E + 1, 6 + 5m): see PHASE ...; row E holds their number
     """
 
     series: np.ndarray
@@ -101,8 +103,9 @@ DISPLACEMENT, VELOCITY, LAW, IN_D, IN_V, MOVE_D, MOVE_V, RESPONSES = range(8)
 PRESENT, FOUND, PAST = range(3)
 # an event: phase in rad, break, channel, jump J of the force of that channel in the direction of
 # time, weights of the impulses in dF/dd and dF/dv that it stands for; then for every channel the
-# jumps S of dF/dtheta and C of its second derivative, and the weights of P3 and P4 in its motion
+# jumps S of dF/dtheta and C of its second derivative, and the weights of P3 .. P5 in its motion
 PHASE, ROW, CHANNEL, JUMP, IMPULSE_D, IMPULSE_V, CORNER = range(7)
+TAILS = 3  # sawtooths in a motion: P3, P4, P5
 MOST_EVENTS = 64
 ON_EVENT = 0.03  # rad: nearer than this to a jump its mean acceleration is meant
 KRYLOV = 40  # directions of one solution by GMRES
@@ -124,7 +127,7 @@ def make_work(nodes: int, channels: int, samples: int) -> Work:
         np.zeros((RESPONSES + 2 * m, m, n)),
         np.zeros((unknowns, unknowns + 3)),
         np.zeros((KRYLOV + 1, KRYLOV + 3)),
-        np.zeros((3, MOST_EVENTS + 1, CORNER + 4 * m)),
+        np.zeros((3, MOST_EVENTS + 1, CORNER + (2 + TAILS) * m)),
     )
 
 
@@ -148,7 +151,7 @@ def copy_events(work, source, target):
 
 @spliced
 def sawtooth(theta):
-    """P1 .. P4 at a phase; P1 jumps from -1/2 to 1/2 at multiples of 2 pi."""
+    """P1 .. P5 at a phase; P1 jumps from -1/2 to 1/2 at multiples of 2 pi."""
     x = theta - 2.0 * math.pi * math.floor(theta / (2.0 * math.pi))
     u = math.pi - x  # the polynomials are odd or even about pi
     p, q = math.pi, u * u
@@ -157,7 +160,28 @@ def sawtooth(theta):
         (p * p / 3 - q) / (4 * p),
         u * (q - p * p) / (12 * p),
         -(q * (q - 2 * p * p) + 7 * p**4 / 15) / (48 * p),
+        u * (q * (q / 5 - 2 * p * p / 3) + 7 * p**4 / 15) / (48 * p),
     )
+
+
+@inner
+def add_sawtooths(target, n, origin, w1, w2, w3, w4, w5):
+    """Add w1 P1 + ... + w5 P5, beginning at the phase `origin`, to n samples of a period."""
+    p, step = math.pi, 2.0 * math.pi / n
+    # polynomials of u and u^2, see `sawtooth`
+    a = w1 / (2 * p) - w3 * p / 12 + w5 * 7 * p**3 / 720
+    b, c = w3 / (12 * p) - w5 * p / 72, w5 / (240 * p)
+    d, e, f = w2 * p / 12 - w4 * 7 * p**3 / 720, w4 * p / 24 - w2 / (4 * p), -w4 / (48 * p)
+    start = 2 * p * math.floor(origin / (2 * p)) - origin  # of theta - origin, -2 pi .. 0
+    wrap = min(n, math.ceil(-start / step))
+    for i in range(wrap):
+        u = -p - start - i * step
+        q = u * u
+        target[i] += u * (a + q * (b + q * c)) + d + q * (e + q * f)
+    for i in range(wrap, n):
+        u = p - start - i * step
+        q = u * u
+        target[i] += u * (a + q * (b + q * c)) + d + q * (e + q * f)
 
 
 @inner
@@ -232,22 +256,26 @@ def across(problem, work, k, i, column):
 
 
 @inner
-def tail_weights(problem, events, pull, damped, weights):
-    """Fill weights (E, 2c) of P3 and P4, in turn, in the displacements of c nodes or channels.
+def tail_weights(problem, events, pull, later, weights):
+    """Fill weights (E, 3c) of P3, P4, P5, in turn, in the displacements of c nodes or channels.
 
-    pull, damped : (c, m), of the nodes or between the channels
+    pull, later : (c, m) and (2, c, m), of the nodes or between the channels
     """
     m, w = problem.lag.size, problem.omega
     for e in range(number_of(events)):
         jumping = int(events[e, CHANNEL])
         for i in range(pull.shape[0]):
-            fourth = damped[i, jumping] * events[e, JUMP] / w**3
+            third = pull[i, jumping] * events[e, JUMP] / (w * w)
+            fourth = later[0, i, jumping] * events[e, JUMP] / w**3
+            fifth = later[1, i, jumping] * events[e, JUMP] / w**4
             for j in range(m):
                 if problem.lag[j] == problem.lag[jumping]:
-                    fourth += pull[i, j] * events[e, CORNER + j] / (w * w)
-            third = pull[i, jumping] * events[e, JUMP] / (w * w)
-            weights[e, 2 * i] = -problem.scale[STRENGTH] * third
-            weights[e, 2 * i + 1] = -problem.scale[STRENGTH] * fourth
+                    corner, bend = events[e, CORNER + j], events[e, CORNER + m + j]
+                    fourth += pull[i, j] * corner / (w * w)
+                    fifth += pull[i, j] * bend / (w * w) + later[0, i, j] * corner / w**3
+            weights[e, TAILS * i] = -problem.scale[STRENGTH] * third
+            weights[e, TAILS * i + 1] = -problem.scale[STRENGTH] * fourth
+            weights[e, TAILS * i + 2] = -problem.scale[STRENGTH] * fifth
 
 
 @inner
@@ -262,9 +290,10 @@ def reduce_series(problem, series, count, events, weights, reduced):
         power = z
         for k in range(1, count):
             cube = 1.0 / (math.pi * float(k) ** 3)
-            # 1/(pi (i k)^3) = i/(pi k^3), 1/(pi (i k)^4) = 1/(pi k^4)
+            # 1/(pi (i k)^3) = i/(pi k^3), 1/(pi (i k)^4) = 1/(pi k^4), ...
             for c in range(series.shape[1]):
-                part = complex(weights[e, 2 * c + 1] / k, weights[e, 2 * c])
+                odd = weights[e, TAILS * c] - weights[e, TAILS * c + 2] / (float(k) * k)
+                part = complex(weights[e, TAILS * c + 1] / k, odd)
                 reduced[k, c] -= power * part * cube
             power *= z
 
@@ -285,12 +314,13 @@ def state_at(problem, reduced, count, events, weights, column, theta):
         ddx = (ddx + float(k * k) * c) * z
     d, v, a = reduced[0, column].real + x.real, -w * dx.imag, -w * w * ddx.real
     for e in range(number_of(events)):
-        third, fourth = weights[e, 2 * column], weights[e, 2 * column + 1]
+        third, fourth = weights[e, TAILS * column], weights[e, TAILS * column + 1]
+        fifth = weights[e, TAILS * column + 2]
         angle = theta - events[e, PHASE] - w * problem.lag[int(events[e, CHANNEL])]
-        p1, p2, p3, p4 = sawtooth(angle)
+        p1, p2, p3, p4, p5 = sawtooth(angle)
         if abs(p1) > 0.5 - ON_EVENT / (2.0 * math.pi):
             p1 -= math.copysign(0.5, p1)
-        d += third * p3 + fourth * p4
-        v += w * (third * p2 + fourth * p3)
-        a += w * w * (third * p1 + fourth * p2)
+        d += third * p3 + fourth * p4 + fifth * p5
+        v += w * (third * p2 + fourth * p3 + fifth * p4)
+        a += w * w * (third * p1 + fourth * p2 + fifth * p3)
     return d, v, a

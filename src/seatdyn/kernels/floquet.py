@@ -191,7 +191,7 @@ def monodromy(problem, work, samples, refinement, space, slopes):
     m, count = problem.lag.size, samples // OVERSAMPLING
     events = work.events[PRESENT]
     weights = events[:, CORNER + 2 * m :]
-    tail_weights(problem, events, problem.gain, problem.damped_gain, weights)
+    tail_weights(problem, events, problem.gain, problem.later_gain, weights)
     reduce_series(problem, work.series[SERIES], count, events, weights, work.series[REDUCED])
     for s in range(3):
         for j in range(m):

@@ -3,8 +3,8 @@
     x(theta) = Re sum_k X_k exp(i k theta),   X_0 real
 
 n is a power of two. A real transform of n is a complex one of n/2 (even samples as real parts, odd
-ones as imaginary parts); that one is Stockham's, which needs no reordering. `lines` (., N) holds
-exp(-2 pi i j/N), j < N, N >= n, in its row ROOTS, and space in rows ONE and TWO.
+ones as imaginary parts); that one is Stockham's, by fours, which needs no reordering. `lines`
+(., N) holds exp(-2 pi i j/N), j < N, N >= n, in its row ROOTS, and space in rows ONE and TWO.
 """
 
 from __future__ import annotations
@@ -17,20 +17,30 @@ from seatdyn.kernels.jit import inner
 def _complex_transform(x, y, n, roots):
     """Sum over j of x_j exp(-2 pi i j k/n); the result is in x, y is work space."""
     source, target = x, y
-    half, block = n // 2, 1
-    while half >= 1:
-        stride = roots.size // (2 * half)
-        for j in range(half):
-            w = roots[j * stride]
-            a, b = j * block, (j + half) * block
-            c = 2 * j * block
-            for k in range(block):
-                s, t = source[a + k], source[b + k]
-                target[c + k] = s + t
-                target[c + block + k] = w * (s - t)
+    rest, block = n, 1
+    while rest >= 4:
+        stride, quarter = roots.size // rest, rest // 4
+        for j in range(quarter):
+            w1, w2, w3 = roots[j * stride], roots[2 * j * stride], roots[3 * j * stride]
+            for k in range(j * block, (j + 1) * block):
+                a, b = source[k], source[k + quarter * block]
+                c, d = source[k + 2 * quarter * block], source[k + 3 * quarter * block]
+                even, odd = b + d, b - d
+                turned = complex(odd.imag, -odd.real)  # -i odd
+                q = k + 3 * j * block
+                target[q] = a + c + even
+                target[q + block] = w1 * (a - c + turned)
+                target[q + 2 * block] = w2 * (a + c - even)
+                target[q + 3 * block] = w3 * (a - c - turned)
         source, target = target, source
-        half //= 2
-        block *= 2
+        rest = quarter
+        block *= 4
+    if rest == 2:
+        for k in range(block):
+            a, b = source[k], source[k + block]
+            target[k] = a + b
+            target[k + block] = a - b
+        source, target = target, source
     if source is not x:
         for j in range(n):
             x[j] = source[j]

@@ -22,17 +22,17 @@ from seatdyn.kernels.condensed import (
     FORCE,
     LEVEL,
     LINE,
-    OVERSAMPLING,
     PHASE,
     PRESENT,
     REDUCED,
     RESIDUAL,
     SERIES,
+    TAILS,
     VELOCITY,
     across,
+    add_sawtooths,
     number_of,
     reduce_series,
-    sawtooth,
     tail_weights,
 )
 from seatdyn.kernels.fourier import harmonics, samples_of
@@ -51,6 +51,7 @@ from seatdyn.kernels.memory import (
 from seatdyn.kernels.orbit import node_series, sample_columns
 from seatdyn.kernels.tangent import back_substitute, factorise
 
+FINER = 4  # samples per harmonic: between them the motion is interpolated
 STIFFEST = 0.3  # step times fastest rate of the states
 MOST_PARTS = 20_000  # steps between two samples
 DIFFERENCE = 1e-6  # of the size of a state
@@ -100,12 +101,12 @@ def second_derivative(problem, work, c, count, n, result):
     for k in range(count):
         line[k] = -work.series[REDUCED, k, c] * (k * w) ** 2
     samples_of(line, count, n, work.lines, result)
-    first = CORNER + 2 * problem.lag.size + 2 * c
+    first = CORNER + 2 * problem.lag.size + TAILS * c
     for e in range(number_of(events)):
         origin = events[e, PHASE] + w * problem.lag[int(events[e, CHANNEL])]
-        for i in range(n):
-            p1, p2, _, _ = sawtooth(2.0 * math.pi * i / n - origin)
-            result[i] += w * w * (events[e, first] * p1 + events[e, first + 1] * p2)
+        third, fourth = w * w * events[e, first], w * w * events[e, first + 1]
+        fifth = w * w * events[e, first + 2]
+        add_sawtooths(result, n, origin, third, fourth, fifth, 0.0, 0.0)
 
 
 @inner
@@ -114,7 +115,7 @@ def fill_accelerations(problem, work, history, count, n):
     m, w = problem.lag.size, problem.omega
     events = work.events[PRESENT]
     weights = events[:, CORNER + 2 * m :]
-    tail_weights(problem, events, problem.gain, problem.damped_gain, weights)
+    tail_weights(problem, events, problem.gain, problem.later_gain, weights)
     reduce_series(problem, work.series[SERIES], count, events, weights, work.series[REDUCED])
     spare = work.samples[work.samples.shape[0] - 1, 0]
     for e in range(history.place.shape[0]):
@@ -316,7 +317,7 @@ def evaluate_with_states(problem, work, memory, history, n):
 
     False where there are too many events or the states do not come back.
     """
-    m, count = problem.lag.size, n // OVERSAMPLING
+    m, count = problem.lag.size, n // FINER
     h = 2.0 * math.pi / (n * problem.omega)
     fill_accelerations(problem, work, history, count, n)
     good = evaluate(problem, work, count, n)
@@ -343,8 +344,8 @@ def evaluate_with_states(problem, work, memory, history, n):
 @kernel
 def look_with_states(problem, work, look, n):
     """Fill the series of the nodes; their accelerations are without forces that have states."""
-    node_series(problem, work, look, n // OVERSAMPLING)
-    sample_columns(problem, work, look, n // OVERSAMPLING, n)
+    node_series(problem, work, look, n // FINER)
+    sample_columns(problem, work, look, n // FINER, n)
 
 
 @kernel

@@ -36,7 +36,8 @@ NEWTON_SHARE, SMALLEST_RESIDUAL = 0.1, 1e-13  # of the tolerance; what Newton's 
 PATIENCE = 2  # levels that may fail
 SLOWING = 6.0  # the error is the last change times so much of its ratio to the one before
 LEAST_GAIN, MOST_GAIN = 0.25, 1.0  # but not less, nor more
-SUDDEN = 1.0 / 16.0  # of the change before: a faster fall is not believed
+# of the change before: a faster fall is not believed, of smooth and of steep laws
+SUDDEN, SUDDEN_STEEP = 1.0 / 64.0, 1.0 / 16.0
 UNRESOLVED = 0.5  # of the range of a force, between two samples
 STRIDE, SMALLEST_STRIDE = 0.0625, 1e-3  # of a continuation from 0 to 1
 NOTHING = -1  # is being continued
@@ -65,7 +66,7 @@ def refine_motion(problem, work, old, new):
         for i in range(m):
             work.series[SERIES, k, i] = 0j
     weights = events[:, CORNER + 2 * m :]
-    tail_weights(problem, events, problem.gain, problem.damped_gain, weights)
+    tail_weights(problem, events, problem.gain, problem.later_gain, weights)
     reduce_series(problem, work.series[SERIES], new, events, weights, work.series[REDUCED])
     for k in range(old, new):
         for i in range(m):
@@ -95,12 +96,14 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
     Returns code, error estimate, samples and evaluations. The extrema are in `look`.
     """
     newton = max(NEWTON_SHARE * tolerance, SMALLEST_RESIDUAL)
-    n, used, failures, comparable = first, 0, 0, False
-    change, change_before = np.inf, np.inf
+    n, used, failures, comparable, factors = first, 0, 0, False, 0
+    change, change_before, sudden = np.inf, np.inf, SUDDEN
     # a continuation in the strength of the forces, or in the level, has come this far
     which, reached, target, stride = NOTHING, 0.0, 1.0, STRIDE
     while True:
         count = n // OVERSAMPLING
+        if which != NOTHING or failures > 0:
+            factors = 0
         if which != NOTHING:
             target = min(1.0, reached + stride)
             problem.scale[which] = target
@@ -113,8 +116,10 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
             start_linear(problem, work, count)
             if guessed:
                 take_kept(work, count, 1.0)
-        code, left, spent = solve_level(problem, work, n, newton)
+        code, left, spent, factors = solve_level(problem, work, n, newton, factors)
         used += spent
+        if factors < 0:
+            sudden = SUDDEN_STEEP
         if which != NOTHING:
             if code == CONVERGED:
                 reached, stride = target, 2.0 * stride
@@ -141,7 +146,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
             find_extrema(problem, work, look, n)
             if comparable:
                 change_before, change = change, change_of(look.extrema)
-                estimate = estimate_of(change, change_before, left)
+                estimate = estimate_of(change, change_before, sudden, left)
                 if estimate <= tolerance:
                     return CONVERGED, estimate, n, used
             for o in range(look.extrema.shape[1]):
@@ -152,7 +157,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
             # a coarse level that is not solved is only a guess for the next one
             change, comparable = np.inf, False
         if 2 * n > most:
-            estimate = estimate_of(change, change_before, left)
+            estimate = estimate_of(change, change_before, sudden, left)
             return NOT_ACCURATE if code == CONVERGED else code, estimate, n, used
         n *= 2
 
@@ -187,10 +192,10 @@ def is_resolved(work, n):
 
 
 @inner
-def estimate_of(change, change_before, left):
+def estimate_of(change, change_before, sudden, left):
     """Error of the finer of two levels from the changes of the last two, and what Newton left."""
     if not change_before < np.inf:
         return change + 4.0 * left + ROUNDING
     ratio = change / change_before if change_before > 0.0 else 1.0
     gain = min(max(SLOWING * ratio, LEAST_GAIN), MOST_GAIN)
-    return max(change * gain, SUDDEN * change_before) + 4.0 * left + ROUNDING
+    return max(change * gain, sudden * change_before) + 4.0 * left + ROUNDING

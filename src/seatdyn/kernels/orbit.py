@@ -34,6 +34,7 @@ from seatdyn.kernels.condensed import (
     PHASE,
     PRESENT,
     ROW,
+    TAILS,
     number_of,
     state_at,
     tail_weights,
@@ -42,6 +43,8 @@ from seatdyn.kernels.fourier import samples_of
 from seatdyn.kernels.jit import inner, kernel, spliced
 
 STENCIL = 5  # samples through which an extremum is refined
+BETWEEN = 16  # parts of the way between two events that is too short for the samples
+DOUBT = 2.0  # of what a parabola rises above a sample: a peak may be so much higher
 NODES, NODES_REDUCED = 0, 1  # places in Look.nodes
 # places in Look.extrema: extrema, their phases in rad, and the extrema of the level before
 HIGH, LOW, HIGH_PHASE, LOW_PHASE, HIGH_BEFORE, LOW_BEFORE = range(6)
@@ -52,7 +55,7 @@ class Look(NamedTuple):
 
     rows : (o, C) outputs as combinations of the C = 3N + e + 3 + G (2N + 2) columns
     nodes : (2, K, N) complex, harmonics of the nodes, and without their sawtooths
-    weights : (E + 1, 2N) of the sawtooths
+    weights : (E + 1, 3N) of the sawtooths
     columns : (C + 1, n) samples of the columns; the last row is space
     state : (C + STENCIL,) columns at one phase; the rest is space
     extrema : (6, o), see HIGH ...
@@ -72,7 +75,7 @@ def make_look(rows: np.ndarray, nodes: int, samples: int) -> Look:
     return Look(
         rows,
         np.zeros((2, samples // OVERSAMPLING, nodes), complex),
-        np.zeros((MOST_EVENTS + 1, 2 * nodes)),
+        np.zeros((MOST_EVENTS + 1, TAILS * nodes)),
         np.zeros((columns + 1, samples)),
         np.zeros(columns + STENCIL),
         np.zeros((6, outputs)),
@@ -90,7 +93,7 @@ def node_series(problem, work, look, count):
                 total -= work.response[k, i, j] * work.series[FORCE, k, j]
             look.nodes[NODES, k, i] = total if k > 0 else complex(total.real, 0.0)
     tail_weights(
-        problem, work.events[PRESENT], problem.pull, problem.damped_pull, look.weights[:, 0:]
+        problem, work.events[PRESENT], problem.pull, problem.later_pull, look.weights[:, 0:]
     )
 
 
@@ -281,6 +284,53 @@ def refine(look, n, i, left, right):
 
 
 @inner
+def peak(problem, work, look, samples, i):
+    """Maximum near sample i of the signal in the last row, and its place, between the events."""
+    events = work.events[PRESENT]
+    left, right = 1e9, 1e9
+    for e in range(number_of(events)):
+        gap = felt(problem, events, e) * samples / (2.0 * math.pi) - i
+        gap -= samples * math.floor(gap / samples)
+        left, right = min(left, samples - gap), min(right, gap)
+    best, place = refine(look, samples, i, left, right)
+    return best, i + place, left, right
+
+
+@spliced
+def rise(values, samples, i):
+    """What the parabola through a sample and its neighbours rises above it."""
+    left, right = values[i - 1 if i > 0 else samples - 1], values[i + 1 if i + 1 < samples else 0]
+    bend = 2.0 * values[i] - left - right
+    return (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
+
+
+@inner
+def find_maximum(problem, work, look, samples):
+    """Maximum of the signal in the last row, and its place in samples.
+
+    Not only the highest sample is looked at: a lower one may be beside a higher peak, and an event
+    may hide what is beyond it.
+    """
+    values = look.columns[look.rows.shape[1]]
+    top = 0
+    for q in range(1, samples):
+        if values[q] > values[top]:
+            top = q
+    best, place, left, right = peak(problem, work, look, samples, top)
+    for q in range(samples):
+        hidden = (left < 1.0 and q == (top - 1) % samples) or (
+            right < 1.0 and q == (top + 1) % samples
+        )
+        before, after = values[q - 1 if q > 0 else samples - 1], values[(q + 1) % samples]
+        local = before < values[q] >= after and q != top
+        if hidden or (local and values[q] + DOUBT * rise(values, samples, q) > best):
+            other, there, _, _ = peak(problem, work, look, samples, q)
+            if other > best:
+                best, place = other, there
+    return best, place
+
+
+@inner
 def find_extrema(problem, work, look, samples):
     """Fill the extrema of every output over the period, both sides of every event included."""
     count = samples // OVERSAMPLING
@@ -299,32 +349,40 @@ def find_extrema(problem, work, look, samples):
                 for q in range(samples):
                     values[q] += factor * source[q]
         for way in range(2):
-            top = 0
-            for q in range(1, samples):
-                if values[q] > values[top]:
-                    top = q
-            left, right = 1e9, 1e9
-            for e in range(number_of(events)):
-                gap = felt(problem, events, e) / step - top
-                gap -= samples * math.floor(gap / samples)
-                left, right = min(left, samples - gap), min(right, gap)
-            best, place = refine(look, samples, top, left, right)
+            best, place = find_maximum(problem, work, look, samples)
             extrema[way, o] = best if way == HIGH else -best
-            extrema[HIGH_PHASE + way, o] = step * (top + place)
+            extrema[HIGH_PHASE + way, o] = step * place
             for q in range(samples):
                 values[q] = -values[q]
     for e in range(number_of(events)):
+        phase = felt(problem, events, e)
         for side in (-1.0, 1.0):
-            phase = felt(problem, events, e)
             look_at(problem, work, look, count, phase, int(events[e, ROW]), side)
-            for o in range(rows.shape[0]):
-                total = 0.0
-                for c in range(rows.shape[1]):
-                    total += rows[o, c] * look.state[c]
-                if total > extrema[HIGH, o]:
-                    extrema[HIGH, o], extrema[HIGH_PHASE, o] = total, phase
-                if total < extrema[LOW, o]:
-                    extrema[LOW, o], extrema[LOW_PHASE, o] = total, phase
+            keep_extrema(look, phase)
+        gap = 2.0 * math.pi
+        for other in range(number_of(events)):
+            ahead = felt(problem, events, other) - phase
+            ahead -= 2.0 * math.pi * math.floor(ahead / (2.0 * math.pi))
+            gap = min(gap, ahead) if ahead > 0.0 else gap
+        if gap < STENCIL * step:  # too short for the samples
+            for k in range(1, BETWEEN):
+                there = phase + gap * k / BETWEEN
+                look_at(problem, work, look, count, there, -1, 0.0)
+                keep_extrema(look, there)
+
+
+@inner
+def keep_extrema(look, phase):
+    """Keep the outputs of look.state where they are beyond the extrema so far."""
+    rows, extrema = look.rows, look.extrema
+    for o in range(rows.shape[0]):
+        total = 0.0
+        for c in range(rows.shape[1]):
+            total += rows[o, c] * look.state[c]
+        if total > extrema[HIGH, o]:
+            extrema[HIGH, o], extrema[HIGH_PHASE, o] = total, phase
+        if total < extrema[LOW, o]:
+            extrema[LOW, o], extrema[LOW_PHASE, o] = total, phase
 
 
 @kernel
