@@ -92,7 +92,7 @@ def steady_gradient(
     extrema, gradients = np.full((2, shape[2]), np.nan), np.full(shape, np.nan)
     if status.valid:
         extrema = found.look.extrema[[HIGH, LOW]].copy()
-    if status is Status.CONVERGED:
+    if status.valid and status is not Status.GRAZING:
         gradients = _gradients(found, system, excitation, names)
     return _dataset(found, excitation, names, extrema, gradients, status, multipliers, tolerance)
 
@@ -128,7 +128,7 @@ def _gradients(
             factors, same = sensitivity(
                 found.problem, work, found.samples, step, tuple(sides), factors, result
             )
-        if factors == 0:
+        if factors == 0 and system.channels:
             break
         slopes = (result[0, :2] - result[1, :2]) / (2 * step)
         moved = np.abs(result[0, 2:] - result[1, 2:])

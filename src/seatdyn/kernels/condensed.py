@@ -93,8 +93,9 @@ class Work(NamedTuple):
 
 LEVEL, STRENGTH = 0, 1  # places in Condensed.scale
 # places in Work.series: the motion; without its sawtooths; forces; residual; the motion before a
-# step; the step; a motion kept; the tangent times a direction; the Krylov space
-SERIES, REDUCED, FORCE, RESIDUAL, BEFORE, CHANGE, KEPT, PRODUCT, BASIS = range(9)
+# step; the step; a motion kept; its change with a parameter; the tangent times a direction; the
+# Krylov space
+SERIES, REDUCED, FORCE, RESIDUAL, BEFORE, CHANGE, KEPT, RATE, PRODUCT, BASIS = range(10)
 # places in Work.lines
 ROOTS, ONE, TWO, LINE, SLOPES = range(5)
 # places in Work.samples: motion, force, its slopes, a direction, what a force moves

@@ -36,8 +36,9 @@ NEWTON_SHARE, SMALLEST_RESIDUAL = 0.1, 1e-13  # of the tolerance; what Newton's 
 PATIENCE = 2  # levels that may fail
 SLOWING = 6.0  # the error is the last change times so much of its ratio to the one before
 LEAST_GAIN, MOST_GAIN = 0.25, 1.0  # but not less, nor more
-# of the change before: a faster fall is not believed, of smooth and of steep laws
-SUDDEN, SUDDEN_STEEP = 1.0 / 64.0, 1.0 / 16.0
+# of the change before: a faster fall is not believed; of steep laws and with delays, whose changes
+# fall less regularly
+SUDDEN, SUDDEN_STEEP = 1.0 / 64.0, 1.0 / 8.0
 UNRESOLVED = 0.5  # of the range of a force, between two samples
 STRIDE, SMALLEST_STRIDE = 0.0625, 1e-3  # of a continuation from 0 to 1
 NOTHING = -1  # is being continued
@@ -97,7 +98,10 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
     """
     newton = max(NEWTON_SHARE * tolerance, SMALLEST_RESIDUAL)
     n, used, failures, comparable, factors = first, 0, 0, False, 0
-    change, change_before, sudden = np.inf, np.inf, SUDDEN
+    change, change_before, regular = np.inf, np.inf, True
+    for j in range(problem.lag.size):
+        regular = regular and problem.lag[j] == 0.0
+    regular = regular and problem.delays.size == 0
     # a continuation in the strength of the forces, or in the level, has come this far
     which, reached, target, stride = NOTHING, 0.0, 1.0, STRIDE
     while True:
@@ -118,8 +122,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
                 take_kept(work, count, 1.0)
         code, left, spent, factors = solve_level(problem, work, n, newton, factors)
         used += spent
-        if factors < 0:
-            sudden = SUDDEN_STEEP
+        regular = regular and factors >= 0
         if which != NOTHING:
             if code == CONVERGED:
                 reached, stride = target, 2.0 * stride
@@ -146,7 +149,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
             find_extrema(problem, work, look, n)
             if comparable:
                 change_before, change = change, change_of(look.extrema)
-                estimate = estimate_of(change, change_before, sudden, left)
+                estimate = estimate_of(change, change_before, regular, left)
                 if estimate <= tolerance:
                     return CONVERGED, estimate, n, used
             for o in range(look.extrema.shape[1]):
@@ -157,7 +160,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
             # a coarse level that is not solved is only a guess for the next one
             change, comparable = np.inf, False
         if 2 * n > most:
-            estimate = estimate_of(change, change_before, sudden, left)
+            estimate = estimate_of(change, change_before, regular, left)
             return NOT_ACCURATE if code == CONVERGED else code, estimate, n, used
         n *= 2
 
@@ -192,10 +195,11 @@ def is_resolved(work, n):
 
 
 @inner
-def estimate_of(change, change_before, sudden, left):
+def estimate_of(change, change_before, regular, left):
     """Error of the finer of two levels from the changes of the last two, and what Newton left."""
     if not change_before < np.inf:
         return change + 4.0 * left + ROUNDING
     ratio = change / change_before if change_before > 0.0 else 1.0
-    gain = min(max(SLOWING * ratio, LEAST_GAIN), MOST_GAIN)
+    gain = min(max(SLOWING * ratio, LEAST_GAIN), MOST_GAIN) if regular else MOST_GAIN
+    sudden = SUDDEN if regular else SUDDEN_STEEP
     return max(change * gain, sudden * change_before) + 4.0 * left + ROUNDING
