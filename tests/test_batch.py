@@ -7,6 +7,8 @@ import pytest
 
 import seatdyn as sd
 from conftest import paper_system
+from seatdyn.analysis.balance import condense, output_rows
+from seatdyn.analysis.members import Members
 from seatdyn.analysis.parameters import with_parameters
 
 SINE = sd.Sine(1.55, amplitude=0.8857)
@@ -71,3 +73,59 @@ def test_bad_requests():
         sd.steady_states(paper_system(), SINE, {"Spring.stifness": [1.0]})
     with pytest.raises(sd.RequestError, match="arrays of one length"):
         sd.steady_states(paper_system(), SINE, {"seat_mass": [30.0, 40.0], "frequency": [1.0]})
+
+
+def test_sets_lowered_at_once_are_those_of_their_own_systems():
+    """Matrices, laws, breaks, base and outputs, and those out of range are left to be refused."""
+    stop = sd.EndStop(20000.0, 0.012, 0.01, 300.0)
+    system = paper_system(sd.QuadraticDamper(300.0), stop)
+    generator = np.random.default_rng(4)
+    sets = {
+        "seat_mass": generator.uniform(20.0, 60.0, 5),
+        "frequency": generator.uniform(1.0, 3.0, 5),
+        "base_amplitude": generator.uniform(0.1, 2.0, 5),
+        "Spring.stiffness": generator.uniform(5e3, 2e4, 5),
+        "Damper.coefficient": generator.uniform(100.0, 900.0, 5),
+        "QuadraticDamper.coefficient": generator.uniform(10.0, 900.0, 5),
+        "EndStop.stiffness": generator.uniform(1e4, 9e4, 5),
+    }
+    sets["Damper.coefficient"][3] = -1.0
+    members = Members(system, SINE, sets)
+    assert members.known.tolist() == [True, True, True, False, True]
+    for p in np.nonzero(members.known)[0]:
+        own = with_parameters(system, SINE, {key: float(v[p]) for key, v in sets.items()})
+        got, rows = members[p]
+        for field, ours, theirs in zip(got._fields, got, condense(*own), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-300, err_msg=field)
+        np.testing.assert_allclose(rows, output_rows(own[0])[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("case", "values"),
+    [
+        (  # the peak of m2-seat lies between a crossing and the next sample
+            "quadratic",
+            {
+                "frequency": 7.755914418639011,
+                "base_amplitude": 0.48373476350152195,
+                "seat_mass": 52.81507723351218,
+                "Spring.stiffness": 7310.940685641536,
+                "QuadraticDamper.coefficient": 514.1711686695465,
+            },
+        ),
+        (  # the stop is touched for less than the time between two samples
+            "gap",
+            {"base_amplitude": 0.2, "PiecewiseSpring.rebound_clearance": 0.006},
+        ),
+    ],
+)
+def test_no_peak_is_missed_beside_or_between_crossings(case, values):
+    element, _ = CASES[case]
+    system = paper_system(element)
+    sets = {key: np.array([value]) for key, value in values.items()}
+    states = sd.steady_states(system, SINE, sets, tolerance=1e-6)
+    exact = sd.steady_state(*with_parameters(system, SINE, values), method="time")
+    moving = exact.amplitude.values > 0.0
+    np.testing.assert_allclose(
+        states.amplitude.values[0][moving], exact.amplitude.values[moving], rtol=1e-6
+    )

@@ -76,7 +76,7 @@ class Members:
         if name == FREQUENCY:
             return FREQUENCIES["minimum"], FREQUENCIES["maximum"]
         if name == LEVEL:
-            return 0.0, ACCELERATION["maximum"]
+            return math.ulp(0.0), ACCELERATION["maximum"]  # none is no measure of the others
         for field in fields(kind):
             if field.name == (key if element else "mass") and field.metadata:
                 limits = field.metadata["limits"]
