@@ -36,7 +36,7 @@ CASES = {
 
 
 def amplitudes(system, sine):
-    extrema = balance(system, sine, 1e-11).look.extrema
+    extrema = balance(system, sine, 1e-11, most=16384).look.extrema
     return (extrema[HIGH] - extrema[LOW]) / 2
 
 

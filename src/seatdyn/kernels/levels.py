@@ -32,8 +32,8 @@ from seatdyn.kernels.jit import inner, kernel
 from seatdyn.kernels.orbit import HIGH, HIGH_BEFORE, LOW, LOW_BEFORE, find_extrema
 
 NOT_ACCURATE = 4  # the finest level allowed does not meet the tolerance
-NEWTON_SHARE, SMALLEST_RESIDUAL = 0.1, 1e-13  # of the tolerance; what Newton's method may leave
-PATIENCE = 2  # levels that may fail
+NEWTON_SHARE, SMALLEST_RESIDUAL = 0.01, 1e-13  # of the tolerance; what Newton's method may leave
+PATIENCE = 3  # levels that may fail
 SLOWING = 6.0  # the error is the last change times so much of its ratio to the one before
 LEAST_GAIN, MOST_GAIN = 0.25, 1.0  # but not less, nor more
 # of the change before: a faster fall is not believed; of steep laws and with delays, whose changes
