@@ -13,6 +13,7 @@ from seatdyn.analysis.balance import (
     MOST_SAMPLES,
     Array,
     balance,
+    output_names,
     output_rows,
     solve,
     spaces,
@@ -87,13 +88,14 @@ def steady_states(
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     columns = _columns(system, excitation, parameters)
     size = len(next(iter(columns.values())))
-    names, rows = output_rows(system)
+    names = output_names(system)
     amplitude = np.full((size, len(names)), np.nan)
     error, largest = np.full(size, np.nan), np.full(size, np.nan)
     status = np.full(size, str(Status.CONVERGED), dtype=object)
     message = np.full(size, "", dtype=object)
     members = Members(system, excitation, columns)
-    space = spaces(system, rows, MOST_SAMPLES)
+    if members.known.any():
+        space = spaces(system, output_rows(system)[1], MOST_SAMPLES)
     with CompileNotice(), interruptible():
         for p in range(size):
             try:

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import seatdyn
-from seatdyn.analysis.balance import Array, Balanced, balance, condense, output_rows
+from seatdyn.analysis.balance import (
+    Array,
+    Balanced,
+    balance,
+    condense,
+    output_rows,
+)
 from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.parameters import parameters_of, require_known, with_parameters
 from seatdyn.analysis.steady_balance import status_of
@@ -20,7 +26,7 @@ from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.orbit import HIGH, HIGH_PHASE, LOW, LOW_PHASE
 from seatdyn.kernels.sensitivity import sensitivity
 from seatdyn.model.excitation import Sine
-from seatdyn.model.system import SeatSystem
+from seatdyn.model.system import SeatSystem, refuse_memory
 from seatdyn.units import number
 
 if TYPE_CHECKING:
@@ -49,7 +55,8 @@ def steady_gradient(
     parameters : names: "seat_mass", "delay", "frequency", "base_amplitude"; "NAME.FIELD" of an
         element, such as "Damper.coefficient"; of the body "m1.mass", "m1-seat.stiffness",
         "m1-seat.damping" and its gains, such as "k11". None may be zero.
-    tolerance : of the error estimate of the amplitudes, relative; the gradient is about as accurate
+    tolerance : of the error estimate of the amplitudes, relative; derivatives have fewer digits,
+        most of all with steep laws (friction, hard stops)
 
     Returns
     -------
@@ -64,7 +71,8 @@ def steady_gradient(
     Raises
     ------
     RequestError
-        An unknown parameter, or one that is zero or at the end of its range.
+        An unknown parameter, or one that is zero or at the end of its range; an element with states
+        of its own.
 
     Examples
     --------
@@ -74,11 +82,12 @@ def steady_gradient(
     >>> names = ["Damper.coefficient", "QuadraticDamper.coefficient"]
     >>> found = sd.steady_gradient(system, sd.Sine(1.55, amplitude=0.8857), names)
     >>> found.amplitude_gradient.sel(output="acc_seat").values.round(5).tolist()
-    [-0.00553, -0.0025]
+    [-0.01132, -0.00354]
     """
     check_request(system, excitation)
     if not isinstance(excitation, Sine):
         raise RequestError(f"excitation = {excitation!r} must be a Sine here; use steady_state.")
+    refuse_memory([element.name for element in system.memory_elements])
     tolerance = number(tolerance, "tolerance", "", above=0.0, error=RequestError)
     names = list(parameters)
     require_known(system, excitation, names)
