@@ -125,7 +125,7 @@ def against_harmonicbalance(rounds):
         float(np.max(np.abs(got / exact - 1))),
         off,
         100.0,
-        "transforms of a few hundred samples, fourteen passes",
+        "some 0.3 Mflop in scalar code: 40 times the time at full vector width",
     )
 
 
