@@ -184,7 +184,7 @@ REFUSED = {
         lambda: sd.assess(RECORD, {"z": "seat"}, exposure=90_000.0), "exposure = 90000 s is not"
     ),
     "weighting": (
-        lambda: sd.assess(RECORD, {"z": "seat"}, weightings={"z": "WK"}), "no weighting 'WK'"
+        lambda: sd.assess(RECORD, {"z": "seat"}, weightings={"z": "Wq"}), "no weighting 'Wq'"
     ),
     "dead channel": (
         lambda: sd.assess(sd.Measurement({"seat": np.zeros(500)}, RATE)), "is constant, 0 m/s2"
@@ -305,8 +305,9 @@ def test_command_refuses_with_one_message(folder, arguments):
     assert done.stdout == ""
 
 
-def test_weighting_command():
-    got = json.loads(run("weighting", "Wk", 1, 4, 16, "--json").stdout)
+def test_weighting_command(folder):
+    got = json.loads(run("weighting", "wk", 1, 4, 16, "--json", "--plot", "wk.png").stdout)
+    assert (folder / "wk.png").read_bytes().startswith(b"\x89PNG")
     value = sd.weighting("Wk").factor([1.0, 4.0, 16.0])
     assert got["frequency"] == [1.0, 4.0, 16.0]
     np.testing.assert_allclose(got["factor"], np.abs(value), rtol=1e-12)

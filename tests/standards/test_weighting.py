@@ -194,7 +194,7 @@ def test_the_bilinear_transform_would_droop():
 # ---------------------------------------------------------------- refused
 
 BAD = {
-    "unknown weighting": (lambda: sd.weighting("wk"), "There is no weighting 'wk'. Did you mean"),
+    "unknown weighting": (lambda: sd.weighting("Wl"), "There is no weighting 'Wl'. Did you mean"),
     "negative frequency": (lambda: sd.weighting("Wk").factor(-1.0), "frequency = -1 Hz is not"),
     "infinite frequency": (lambda: sd.weighting("Wk").factor([1.0, math.inf]), "= inf Hz is not"),
     "text": (lambda: sd.weighting("Wk").factor("one"), "must be numbers, in Hz"),

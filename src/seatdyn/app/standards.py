@@ -25,8 +25,11 @@ from seatdyn.units import number
 if TYPE_CHECKING:
     import xarray as xr
 
+    from seatdyn.standards.weighting import Array, Weighting
+
 HOUR = 3600.0  # s
 UPPERMOST = 80.0  # Hz, of a transmissibility in JSON
+DRAWN, DRAWN_POINTS = (0.1, 400.0), 400  # Hz, of a weighting
 
 
 class Unit(StrEnum):
@@ -214,6 +217,7 @@ def weighting(
     name: Annotated[str, typer.Argument(help="Wk, Wd, Wc, We, Wj, Wf, Wb, Wm, Wh or Wg.")],
     frequency: Annotated[list[str], typer.Argument(help="Frequencies, Hz.", metavar="HZ...")],
     out: OutputOptions,
+    plot: Plot = None,
 ) -> None:
     """Factor (1) and phase (degrees, -180 .. 180, negative is a lag) of a frequency weighting."""
     import numpy as np
@@ -221,9 +225,11 @@ def weighting(
     from seatdyn.standards.weighting import weighting as find
 
     chosen = find(name)
+    plot_target(plot)
     f = np.array([_frequency(text) for text in frequency])
     value = chosen.factor(f)
     factor, phase = np.abs(value), np.degrees(np.angle(value))
+    draw(_weighting_data(chosen, f), plot)
     if out.as_json:
         write_json(
             {
@@ -243,6 +249,25 @@ def weighting(
     columns = ["frequency [Hz]", "factor", "level [dB]", "phase [°]"]
     write_table(f"{chosen.name}: {chosen.use}", columns, rows)
     write_line(f"{chosen.clause}; {chosen.grade}")
+
+
+def _weighting_data(chosen: Weighting, asked: Array) -> xr.Dataset:
+    """The weighting over all its band, and where it was asked for."""
+    import numpy as np
+    import xarray as xr
+
+    band = np.array([*DRAWN, *asked[asked > 0.0]])
+    f = np.geomspace(band.min(), band.max(), DRAWN_POINTS)
+    over, here = chosen.factor(f), chosen.factor(asked)
+    return xr.Dataset(
+        {
+            "weighting_factor": ("frequency", np.abs(over), {"units": "1"}),
+            "weighting_phase": ("frequency", np.degrees(np.unwrap(np.angle(over))), {"units": "°"}),
+            "asked_factor": ("asked", np.abs(here), {"units": "1"}),
+        },
+        coords={"frequency": ("frequency", f, {"units": "Hz"}), "asked": asked},
+        attrs={"weighting": chosen.name, "use": chosen.use, "status": "ok"},
+    )
 
 
 def _frequency(text: str) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatdyn.output.bodies import frequency_axis
 from seatdyn.output.report import figure_png, write_page
 from seatdyn.standards.exposure import (
     ACTION_VALUES,
@@ -72,6 +73,21 @@ def draw_assessment(figure: Figure, data: xr.Dataset) -> None:
         _bands(grid[1, column], data.band.values, bands)
         if isolated:
             _transmissibility(grid[2, column], one)
+
+
+def draw_weighting(figure: Figure, data: xr.Dataset) -> None:
+    """Factor and phase of a frequency weighting, with the frequencies that were asked for."""
+    f = data.frequency.values
+    size, turn = figure.subplots(2, 1, sharex=True)
+    size.loglog(f, data.weighting_factor)
+    size.loglog(data.asked, data.asked_factor, "o", color="C1", markersize=5)
+    size.set_ylabel(f"factor of {data.attrs['weighting']} [1]")
+    size.set_title(f"{data.attrs['weighting']}: {data.attrs['use']}", fontsize="medium")
+    turn.plot(f, data.weighting_phase)
+    turn.set_ylabel("phase [°]")
+    for ax in (size, turn):
+        frequency_axis(ax, float(f[0]), float(f[-1]))
+    size.set_xlabel("")
 
 
 def _running(ax: Axes, one: xr.Dataset, axis: str, name: str) -> None:

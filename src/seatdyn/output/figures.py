@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatdyn.errors import OutputError
-from seatdyn.output.assessment import draw_assessment, draw_comparison
+from seatdyn.output.assessment import draw_assessment, draw_comparison, draw_weighting
 from seatdyn.output.bodies import draw_bodies
 from seatdyn.output.curves import draw_curves
 from seatdyn.output.files import require_dataset, writable, write_whole
@@ -79,6 +79,8 @@ def plot(dataset: xr.Dataset, path: str | Path | None = None, *, title: str = ""
         draw_random(figure, dataset)
     elif "weighted_rms" in names:
         draw_assessment(figure, dataset)
+    elif "weighting_factor" in names:
+        draw_weighting(figure, dataset)
     elif "band_difference" in names:
         draw_comparison(figure, dataset)
     elif "apparent_mass_peak" in names:

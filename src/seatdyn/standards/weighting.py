@@ -180,7 +180,7 @@ def weighting(name: str) -> Weighting:
     ----------
     name : "Wk" (z of a seat, feet), "Wd" (x, y of a seat; y, z of a backrest), "Wc" (x of a
         backrest), "We" (rotations), "Wj" (head, recumbent), "Wf" (motion sickness), "Wb" (rail),
-        "Wm" (buildings), "Wh" (hand-arm); "Wg" of BS 6841
+        "Wm" (buildings), "Wh" (hand-arm); "Wg" of BS 6841; in any case
 
     Returns
     -------
@@ -198,9 +198,10 @@ def weighting(name: str) -> Weighting:
     >>> sd.weighting("Wd").use
     'seat x and y, backrest y and z'
     """
-    if name not in WEIGHTINGS:
-        raise RequestError(f"There is no weighting {name!r}. {suggestion(str(name), WEIGHTINGS)}")
-    return WEIGHTINGS[name]
+    known = str(name).capitalize()
+    if known not in WEIGHTINGS:
+        raise RequestError(f"There is no weighting {name!r}. {suggestion(known, WEIGHTINGS)}")
+    return WEIGHTINGS[known]
 
 
 def through_spectrum(
