@@ -45,7 +45,7 @@ def one(number, seed, sampled):
         "seconds": time.process_time() - began,
         "what": "" if outcome.converged else f"{case}: {outcome.message}",
     }
-    if sampled and outcome.converged and outcome.status != "subharmonic":
+    if sampled and outcome.status in ("converged", "grazing"):
         row["miss"] = seats.miss(case, outcome)
         row["what"] = str(case)
     return row

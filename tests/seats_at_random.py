@@ -298,6 +298,8 @@ class Outcome:
     its stability is known: a periodic one, stable or not (or one that grazes a jump, where
     stability does not exist); or a subharmonic one, which time integration has settled on.
     `verdict` says what time integration calls the response where the periodic motion is unstable.
+    "unstable" counts, too: poles of the linear part have positive real parts, and time integration
+    grows beyond any bound. Any other response that is not periodic is a failure.
     """
 
     status: str
@@ -312,7 +314,7 @@ class Outcome:
         """See above."""
         if self.status == "converged":
             return self.stable in (0, 1)
-        return self.status in ("grazing", "subharmonic")
+        return self.status in ("grazing", "subharmonic", "unstable")
 
 
 def outcome_of(case: Set) -> Outcome:

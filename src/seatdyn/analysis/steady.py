@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -49,6 +50,8 @@ PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
 SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
+JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
+SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
 
 
 def steady_state(
@@ -263,7 +266,10 @@ def find_orbit(
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
         if run.status is Status.DIVERGED:
-            return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=count)
+            # friction and stops may hold a small motion of an unstable linear part, not a large one
+            grows = not is_stable(problem.system)
+            status = Status.UNSTABLE if grows else Status.NO_PERIODIC_RESPONSE
+            return Orbit(status, period, periods=count)
         if run.status is not Status.OK:
             return Orbit(run.status, period, periods=count)
         changes.append(_change(problem, state, run))
@@ -290,6 +296,10 @@ def find_orbit(
             orbit = _newton(problem, period, run.end, tolerance, count)
             if orbit is not None:
                 return orbit
+        if count % SELDOM == 0 and max(changes[-SELDOM // 2 :]) < JITTER:
+            # so near and no nearer: what is left may be what the steps leave
+            sharper = replace(problem.settings, rtol=max(SHARPER * problem.settings.rtol, FINEST))
+            problem = replace(problem, settings=sharper)
         state = run.end
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
 

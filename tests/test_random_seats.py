@@ -1,0 +1,80 @@
+"""Seats at random: how many steady states converge, and whether they are right."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import seatdyn as sd
+from seatdyn.model.custom import CustomElement
+from seatdyn.model.elements import NonlinearElement
+from seatdyn.model.memory import MemoryElement
+from seats_at_random import ALLOWED, KINDS, TOLERANCE, miss, outcome_of, random_set
+
+
+def check(cases, sampled):
+    """All but one in two hundred converge; the sample comes back after a period in time."""
+    failures, misses, sharp = [], [], 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sd.SeatdynWarning)  # tables are used outside their range
+        for i, case in enumerate(cases):
+            outcome = outcome_of(case)
+            if not outcome.converged:
+                assert outcome.message, case  # failures say why
+                failures.append(str(case))
+            elif i in sampled and outcome.status in ("converged", "grazing"):
+                missed = miss(case, outcome)
+                assert missed <= ALLOWED * TOLERANCE, str(case)
+                misses.append(missed)
+                sharp += case.sharp
+    print(f"{len(failures)} of {len(cases)} failed, worst miss of {len(misses)}: {max(misses):.1e}")
+    print("\n".join(failures))
+    assert len(failures) <= max(1, 0.005 * len(cases))
+    assert sharp >= 0.3 * len(misses)
+
+
+def test_all_elements_are_drawn():
+    """Every class of element but the linear ones is among the kinds."""
+    rng = np.random.default_rng(0)
+    drawn = {type(kind.draw(rng)) for kind in KINDS.values()}
+    bases = (NonlinearElement, MemoryElement)
+
+    def leaves(kind):
+        return [leaf for sub in kind.__subclasses__() for leaf in (leaves(sub) or [sub])]
+
+    known = {
+        kind for base in bases for kind in leaves(base) if kind.__module__.startswith("seatdyn")
+    }
+    assert known - {CustomElement} <= drawn
+
+
+def test_seats_without_states():
+    cases = [case for case in map(random_set, range(120)) if not case.system.memory_elements]
+    check(cases[:40], range(0, 40, 2))
+
+
+@pytest.mark.slow
+def test_seats_of_all_elements():
+    check([random_set(i) for i in range(20_000, 20_400)], range(0, 400, 6))
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_what_the_steps_leave_is_no_other_motion():
+    """Dry friction and a kinked damper: at rtol = 1e-9 periods differ by 1e-4, which is noise."""
+    case = random_set(339)
+    assert case.kinds == ("dry friction", "balance damper")
+    state = sd.steady_state(case.system, case.sine, method="time", tolerance=TOLERANCE)
+    assert state.attrs["status"] == "converged"
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_friction_does_not_hold_an_unstable_seat():
+    """Poles at +18 1/s: the motion grows beyond any bound, and the status says so."""
+    case = random_set(5118)
+    assert set(case.kinds) == {"dry Bingham", "Bingham"}
+    assert float(sd.poles(case.system)["real"].max()) > 0.0
+    state = sd.steady_state(case.system, case.sine, method="time", tolerance=TOLERANCE)
+    assert state.attrs["status"] == "unstable"
+    assert np.all(np.isnan(state.amplitude))
