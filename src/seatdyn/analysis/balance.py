@@ -32,7 +32,7 @@ from seatdyn.kernels.condensed import (
     make_work,
 )
 from seatdyn.kernels.dense import element_forces
-from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE
 from seatdyn.kernels.orbit import Look, make_look
 from seatdyn.model.elements import NonlinearElement
@@ -194,7 +194,7 @@ class Balanced:
         sides = np.zeros(phases.size) if sides is None else sides
         result = np.empty((phases.size, self.look.rows.shape[1]))
         arguments = (self.problem, self.work, self.look, self.count, phases, rows, sides)
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             orbit.states(*arguments, result)
         return result
 
@@ -246,7 +246,7 @@ class Balanced:
             return late_multipliers(late, self.late_start(late), period), math.inf
         n, m = self.problem.pull.shape
         space, slopes = np.zeros((6, 2 * n, 2 * n)), np.zeros((3, 4, m))
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             slowest = floquet.monodromy(self.problem, self.work, self.samples, 1, space, slopes)
         return sorted_multipliers(space[0]), float(slowest)
 
@@ -300,7 +300,7 @@ def balance(
         return None
     names, rows = output_rows(system)
     work, look = spaces(system, rows, max(most, 4 * _first_samples(problem, guess)))
-    with CompileNotice(), interruptible():
+    with CompileNotice(BALANCE), interruptible():
         return solve(system, problem, rows, names, work, look, tolerance, guess=guess)
 
 

@@ -43,7 +43,7 @@ from seatdyn.kernels.condensed import (
     make_work,
 )
 from seatdyn.kernels.history import FINER, START, History, make_history
-from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE, SMALLEST_STRIDE, STRIDE, estimate_of
 from seatdyn.kernels.memory import HELD, Memory
 from seatdyn.kernels.orbit import HIGH, LOW, make_look
@@ -83,7 +83,7 @@ class BalancedWithStates(Balanced):
         states = np.empty((phases.size, self.history.size.size))
         forces = np.empty((phases.size, len(self.history.place)))
         arguments = (self.problem, self.memory, self.history, self.samples, phases)
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             kernels.states_at(*arguments, states, forces)
         columns[:, 2 * n : 3 * n] -= forces @ self.memory.pull.T
         samples = self.as_samples(columns, phases)
@@ -105,7 +105,7 @@ class BalancedWithStates(Balanced):
 
     def find_extrema(self) -> None:
         """Fill the extrema of every output, both sides of every event included."""
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             kernels.look_with_states(self.problem, self.work, self.look, self.samples)
         step = 2 * math.pi / self.samples
         grid = np.linspace(0.0, 2 * math.pi, self.samples, endpoint=False)
@@ -214,7 +214,7 @@ class Solver:
         ]
         self.work.events[PRESENT], self.history.space[START] = self.kept
         self.evaluations += 1
-        with CompileNotice(), interruptible():
+        with CompileNotice(BALANCE), interruptible():
             self.good = kernels.evaluate_with_states(
                 self.problem, self.work, self.memory, self.history, self.samples
             )
@@ -284,7 +284,7 @@ class Solver:
 
     def begin(self) -> None:
         """Responses of this level, and the motion without channel forces."""
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             kernels.begin(self.problem, self.work, self.count)
 
     def continue_in(self, which: int, tolerance: float) -> int:
@@ -392,7 +392,7 @@ def _ascend(
         past = extrema
         old = solver.count
         solver.samples *= 2
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             kernels.refine(solver.problem, solver.work, old, solver.count)
         code, left = solver.solve(newton)
         if code != CONVERGED:

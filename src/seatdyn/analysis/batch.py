@@ -25,7 +25,7 @@ from seatdyn.analysis.run import interruptible
 from seatdyn.analysis.steady_balance import status_of
 from seatdyn.analysis.transient import check_request
 from seatdyn.errors import RequestError, SeatdynError, Status
-from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.orbit import HIGH, LOW
 from seatdyn.model.excitation import Sine
 from seatdyn.model.system import SeatSystem
@@ -96,7 +96,7 @@ def steady_states(
     members = Members(system, excitation, columns)
     if members.known.any():
         space = spaces(system, output_rows(system)[1], MOST_SAMPLES)
-    with CompileNotice(), interruptible():
+    with CompileNotice(BALANCE), interruptible():
         for p in range(size):
             try:
                 if members.known[p]:

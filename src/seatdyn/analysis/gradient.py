@@ -22,7 +22,7 @@ from seatdyn.analysis.parameters import parameters_of, require_known, with_param
 from seatdyn.analysis.steady_balance import status_of
 from seatdyn.analysis.transient import check_request
 from seatdyn.errors import ModelError, RequestError, Status
-from seatdyn.kernels.jit import CompileNotice
+from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.orbit import HIGH, HIGH_PHASE, LOW, LOW_PHASE
 from seatdyn.kernels.sensitivity import sensitivity
 from seatdyn.model.excitation import Sine
@@ -133,7 +133,7 @@ def _gradients(
                 f"No derivative to {name} = {value:g}: it needs a value other than zero; give a "
                 "small one."
             )
-        with CompileNotice():
+        with CompileNotice(BALANCE):
             factors, same = sensitivity(
                 found.problem, work, found.samples, step, tuple(sides), factors, result
             )

@@ -31,6 +31,7 @@ MEMORY_FORCE = types.float64(
 MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
 LANES_LAW = types.void(types.int64, *[types.CPointer(types.float64)] * 4)
 COMPILE_HINT_AFTER = 1.0  # s
+TIME_ENGINE, BALANCE = 20.0, 60.0  # s that their kernels take to compile
 
 
 @functools.cache
@@ -234,11 +235,17 @@ def lanes_law_address(function: Callable[[float, float, Any], float], name: str)
 class CompileNotice(event.Listener):
     """Says through the log, once, that kernels are being compiled, if that takes noticeable time.
 
+    about : s that it takes where nothing else runs
+
     >>> with CompileNotice():
     ...     pass
     """
 
     _said = False
+
+    def __init__(self, about: float = TIME_ENGINE) -> None:
+        """Keep what to say."""
+        self.about = about
 
     def __enter__(self) -> None:
         """Listen; loading code from the cache is no event."""
@@ -261,7 +268,6 @@ class CompileNotice(event.Listener):
         if self._timer is not None:
             self._timer.cancel()
 
-    @staticmethod
-    def _say() -> None:
+    def _say(self) -> None:
         CompileNotice._said = True
-        logger.warning("compiling the kernels (once per installation, about 20 s) ...")
+        logger.warning("compiling the kernels (once per installation, about %g s) ...", self.about)
