@@ -4,7 +4,7 @@ A periodic motion is a fixed point y = P(y, p) of the map over one period, p the
 the branch both are unknown; the step is measured along the branch, so folds are points like
 others (Keller 1977). P and its derivatives come from time integration, which locates jumps and
 kinks of forces; eigenvalues of dP/dy are the Floquet multipliers, so every point knows its
-stability. Where forces act late, y is a piece of history (`delay_orbit.History`).
+stability. Where forces act late, y is a piece of history (`period_map`).
 """
 
 from __future__ import annotations
@@ -17,19 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.delay_orbit import (
-    ROWS,
-    History,
-    late_scales,
-    monodromy,
-    multipliers_of,
-    periods_together,
-)
-from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState, Past
-from seatdyn.analysis.hysteretic import problem_for
-from seatdyn.analysis.run import Problem, Run, Settings
-from seatdyn.analysis.steady import extrema, find_orbit, orbit_scales
-from seatdyn.errors import RequestError, Status
+from seatdyn.analysis.period_map import PERTURBATION, Period, period_map
+from seatdyn.analysis.run import Run, Settings
+from seatdyn.analysis.steady import extrema, find_orbit, require_period
+from seatdyn.errors import Status
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import SeatSystem
 
@@ -38,7 +29,6 @@ Make = Callable[[float], tuple[SeatSystem, Excitation]]
 
 SETTINGS = Settings(rtol=1e-10)
 TOLERANCE = 1e-8  # of the fixed point, relative to the largest motion
-PERTURBATION = 1e-5  # of differences, relative
 FAST = 0.3  # fall of the residual that lets Broyden's update go on
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.01, 0.03, 1e-6  # along the branch, range of p = 1
 MOST_ITERATIONS = 8
@@ -89,85 +79,6 @@ class Branch:
     message: str = ""
 
 
-class Period:
-    """One run of a problem, and the numbers y that it starts from and gives: states."""
-
-    def __init__(self, problem: Problem, length: float) -> None:
-        """Keep the problem and the length of the run in s."""
-        self.problem, self.length = problem, length
-
-    def run(self, y: Array, like: Run) -> Run:
-        """The run that starts from y."""
-        return self.problem.run(0.0, self.length, self.problem.start(y))
-
-    def end(self, run: Run) -> Array:
-        """The numbers at the end of a run."""
-        return run.end.y
-
-    def scales(self, run: Run) -> Array:
-        """Their sizes."""
-        return orbit_scales(self.problem, run)
-
-    def differences(self, y: Array, run: Run, scales: Array) -> Array:
-        """Derivatives (K, K) of the end by the start, both scaled."""
-        end, columns = self.end(run), []
-        for i in range(y.size):
-            moved = y.copy()
-            moved[i] += PERTURBATION * scales[i]
-            columns.append((self.end(self.run(moved, run)) - end) / PERTURBATION / scales)
-        return np.column_stack(columns)
-
-    def multipliers(self, derivatives: Array) -> NDArray[np.complex128]:
-        """Floquet multipliers, largest first."""
-        return multipliers_of(derivatives, 1)
-
-
-class LatePeriod(Period):
-    """The same of a system with delayed forces; y is a history, and `like` fills its gaps."""
-
-    def __init__(self, problem: LateProblem, period: float) -> None:
-        """Take as many periods as the longest delay lasts."""
-        self.together = periods_together(problem, period)
-        super().__init__(problem, self.together * period)
-        self.late, self.history = problem, History(problem)
-
-    def state(self, y: Array, like: Run) -> LateState:
-        """The end of a run with its history changed to these numbers."""
-        assert isinstance(like, LateRun)
-        assert isinstance(like.end, LateState)
-        assert like.end.past is not None
-        ahead = like.end.past
-        past = Past(like.whole, like.whole_marks, ahead.times, ahead.orders)
-        past = past.recent(self.late.longest_delay).refined(self.late.longest_delay / ROWS)
-        state = LateState(like.end.y, like.end.side, like.end.held, past)
-        return self.history.changed(self.late, state, y - self.history.values(past))
-
-    def run(self, y: Array, like: Run) -> Run:
-        """The run that starts from y."""
-        return self.problem.run(0.0, self.length, self.state(y, like))
-
-    def end(self, run: Run) -> Array:
-        """The numbers at the end of a run."""
-        assert isinstance(run.end, LateState)
-        assert run.end.past is not None
-        return self.history.values(run.end.past)
-
-    def scales(self, run: Run) -> Array:
-        """Their sizes; many numbers of one motion count together as much as a state does."""
-        sizes = late_scales(self.late, self.history, run)
-        return sizes * math.sqrt(sizes.size / run.end.y.size)
-
-    def differences(self, y: Array, run: Run, scales: Array) -> Array:
-        """Derivatives (K, K) of the end by the start, both scaled."""
-        state = self.state(y, run)
-        operator = monodromy(self.late, self.history, state, self.length, scales, run.steps)
-        return np.asarray(operator * scales / scales[:, None])
-
-    def multipliers(self, derivatives: Array) -> NDArray[np.complex128]:
-        """Floquet multipliers over one period, largest first."""
-        return multipliers_of(derivatives, self.together)
-
-
 class _Near(NamedTuple):
     """A run near the one that is looked for, and derivatives that hold there."""
 
@@ -195,14 +106,7 @@ class Tracer:
     def period(self, value: float) -> Period:
         """One period of the system at a value of the parameter."""
         system, excitation = self.make(value)
-        if excitation.period is None:
-            raise RequestError(
-                f"{type(excitation).__name__} has no period; a curve of periodic motions needs one."
-            )
-        problem = problem_for(system, excitation, SETTINGS)
-        if isinstance(problem, LateProblem):
-            return LatePeriod(problem, excitation.period)
-        return Period(problem, excitation.period)
+        return period_map(system, excitation, require_period(excitation), SETTINGS)
 
     def value(self, u: Array) -> float:
         """Parameter of scaled unknowns u = [y / scales, (p - start) / span]."""
