@@ -278,7 +278,6 @@ def test_frequency_response():
         lambda s: sd.stability_boundary(s, seat_mass=[35.0], stiffness=[9950.0]),
         lambda s: sd.is_stable(s, method="hurwitz"),
         lambda s: stability_points(s, damping=[1.0, 2.0]),
-        lambda s: sd.response_curve(s, (1.5, 1.6), [0.5]),
         lambda s: s.linear.stiffness,
         lambda s: s.linear.drive_damping,
     ],

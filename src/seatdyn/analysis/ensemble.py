@@ -208,7 +208,8 @@ class Ensemble(Members):
         gram : (K, K + 1, L) mean products, below the diagonal, and last the means
         """
         count = gram.shape[0]
-        below = np.tril(np.ones((count, count)), -1)[:, :, None] * gram[:, :count]
+        lower = np.tri(count, k=-1, dtype=bool)[:, :, None]
+        below = np.where(lower, gram[:, :count], 0.0)
         products = below + np.swapaxes(below, 0, 1)
         products[np.arange(count), np.arange(count)] = gram[np.arange(count), np.arange(count)]
         weights = self.outputs / math.sqrt(self.outputs.shape[0])
