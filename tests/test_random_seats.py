@@ -79,3 +79,13 @@ def test_friction_does_not_hold_an_unstable_seat():
     state = sd.steady_state(case.system, case.sine, method="time", tolerance=TOLERANCE)
     assert state.attrs["status"] == "unstable"
     assert np.all(np.isnan(state.amplitude))
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_growth_that_runs_out_of_steps_is_unstable():
+    """Dahl friction needs steps as short as its way is long, so the bound is never reached."""
+    case = random_set(592)
+    assert case.kinds == ("Stribeck", "Dahl")
+    few = sd.Settings(rtol=1e-9, max_steps=300_000)
+    state = sd.steady_state(case.system, case.sine, method="time", settings=few)
+    assert state.attrs["status"] == "unstable"

@@ -50,6 +50,7 @@ PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
 SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
+FAR = 1e3  # m, m/s: a run that ends there, for whatever reason, grows without bound
 JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
 SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
 
@@ -265,7 +266,8 @@ def find_orbit(
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
-        if run.status is Status.DIVERGED:
+        motion = run.end.y[: 2 * problem.system.linear.size]
+        if run.status is not Status.OK and not np.abs(motion).max() <= FAR:
             # friction and stops may hold a small motion of an unstable linear part, not a large one
             grows = not is_stable(problem.system)
             status = Status.UNSTABLE if grows else Status.NO_PERIODIC_RESPONSE

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from seatdyn.kernels.columns import BREAKS
+from seatdyn.kernels.columns import BREAKS, FIRST, SECOND
 from seatdyn.kernels.jit import inner
 from seatdyn.kernels.plant import (
     FREE,
@@ -134,6 +134,17 @@ def across(first, second, y, n, base):
 
 
 @inner
+def stands(plant, held, first, second):
+    """Whether a channel between these nodes is held: its speed is zero, but for rounding."""
+    for j in range(held.size):
+        if held[j] >= 0:
+            a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
+            if (a == first and b == second) or (a == second and b == first):
+                return True
+    return False
+
+
+@inner
 def rates(plant, memory, t, segment, y, side, space, out):
     """Fill the rates (2N+q,) of the state y = [z, z', states] at time t."""
     n = space.acceleration.size
@@ -176,6 +187,8 @@ def rates(plant, memory, t, segment, y, side, space, out):
     for e in range(memory.nodes.shape[0]):
         second = memory.nodes[e, 1]
         d, v, w = across(memory.nodes[e, 0], second, y, n, base)
+        if stands(plant, held, memory.nodes[e, 0], second):
+            v = 0.0  # control laws switch with its sign
         a = acceleration[second] if second >= 0 else base[2]
         call_memory_rate(
             memory.laws[e, RATE], d, v, w, a, y, 2 * n + memory.laws[e, STATES],

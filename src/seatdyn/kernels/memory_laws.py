@@ -118,17 +118,17 @@ def semi_active_rate(
     d: float, v: float, w: float, a: float, s: Numbers, p: Numbers, out: MutableSequence[float]
 ) -> None:
     """The coefficient follows its command; p goes on with lag, law, gain, command, threshold."""
-    wanted = p[6]
+    wanted, way = p[6], math.copysign(1.0, v) if v != 0.0 else 0.0
     if p[4] == ON_OFF or p[4] == ACCELERATION:
         seen = w if p[4] == ON_OFF else a
-        share = seen / math.sqrt(seen * seen + p[7] * p[7])
-        share = share if v >= 0.0 else -share
+        share = way * seen / math.sqrt(seen * seen + p[7] * p[7])
         wanted = p[0] + 0.5 * (1.0 + share) * (p[1] - p[0])
     elif p[4] == SKYHOOK:
         # gain w/v within the limits, without the division
-        force = p[5] * w if v >= 0.0 else -p[5] * w
-        speed = abs(v)
-        if force >= p[1] * speed:
+        force, speed = way * p[5] * w, abs(v)
+        if way == 0.0:
+            wanted = 0.5 * (p[0] + p[1])
+        elif force >= p[1] * speed:
             wanted = p[1]
         elif force <= p[0] * speed:
             wanted = p[0]
@@ -147,12 +147,12 @@ def mr_rate(
     d: float, v: float, w: float, a: float, s: Numbers, p: Numbers, out: MutableSequence[float]
 ) -> None:
     """The current follows its command; p goes on with lag, law, gain, command, threshold."""
-    wanted = p[8]
+    wanted, way = p[8], math.copysign(1.0, v) if v != 0.0 else 0.0
     if p[6] == ON_OFF or p[6] == ACCELERATION:
         seen = w if p[6] == ON_OFF else a
-        share = seen / math.sqrt(seen * seen + p[9] * p[9])
-        wanted = 0.5 * (1.0 + (share if v >= 0.0 else -share)) * p[4]
+        share = way * seen / math.sqrt(seen * seen + p[9] * p[9])
+        wanted = 0.5 * (1.0 + share) * p[4]
     elif p[6] == SKYHOOK:
-        force = p[7] * w if v >= 0.0 else -p[7] * w
+        force = way * p[7] * w
         wanted = min(max((force - p[1] - p[0] * abs(v)) / p[2], 0.0), p[4])
     out[0] = (wanted - s[0]) / p[5]

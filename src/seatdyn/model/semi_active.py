@@ -44,7 +44,8 @@ class SemiActiveDamper(MemoryElement):
       Syst. Meas. Control 127:218-229).
 
     The last two switch over gradually around w = 0 or a = 0, by w/sqrt(w^2 + w_0^2): switched
-    sharply, an acceleration-driven damper would chatter.
+    sharply, an acceleration-driven damper would chatter. Where dry friction holds the damper,
+    v = 0, they command what is between both directions.
 
     Parameters
     ----------
