@@ -176,7 +176,7 @@ def rate_at(memory, history, e, i, share, h, side, y, out):
     """Fill the rates of the states of element e; the travel goes to one side, or either (0)."""
     d, v, w, a = between(history.motion[e], i, share, h)
     if side > 0.0:
-        v = max(v, 0.0)
+        v = max(v, 1e-300)
     elif side < 0.0:
         v = min(v, -1e-300)
     call_memory_rate(
