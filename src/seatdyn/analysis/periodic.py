@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 PER_PERIOD = 1024  # points of the period where it is looked at, and kept
 HARMONICS = 20
+UNSTABLE = "This motion solves the equations, but it is unstable."
 
 
 def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:

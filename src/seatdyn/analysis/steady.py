@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
+from seatdyn.analysis.linear import poles
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.periodic import PER_PERIOD, fill, harmonics_of, sorted_multipliers
+from seatdyn.analysis.periodic import PER_PERIOD, UNSTABLE, fill, harmonics_of, sorted_multipliers
 from seatdyn.analysis.run import Problem, Run, Settings, State
 from seatdyn.analysis.stability import is_stable
 from seatdyn.analysis.transient import (
@@ -50,6 +51,7 @@ PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
 SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
+FINISH = Settings(rtol=1e-11)  # of a motion that harmonic balance has almost found
 FAR = 1e3  # m, m/s: a run that ends there, for whatever reason, grows without bound
 JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
 SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
@@ -68,8 +70,10 @@ def steady_state(
     """Periodic response to a periodic base motion.
 
     "hb", harmonic balance, finds a motion with the period of the excitation, starting from the
-    linear response, with as many harmonics as its error estimate asks for. The motion may be
-    unstable (attribute `stable` 0): it solves the equations, but no test will show it.
+    linear response, with as many harmonics as its error estimate asks for. Where all harmonics
+    allowed are too few, Newton's method on the period map finishes (attribute `finished` "time").
+    The motion may be unstable (attribute `stable` 0): it solves the equations, but no test will
+    show it.
 
     "time" integrates from rest until the state repeats; when it nearly does, Newton's method on the
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
@@ -156,6 +160,15 @@ def _by_balance(
             "not; use method='time'."
         )
     data = balanced_state(balanced, excitation, tolerance, check=check)
+    coarse = data.attrs["status"] == Status.NOT_ACCURATE and tolerance >= FINISH.rtol
+    if coarse and known and method == "hb":
+        problem = problem_for(system, excitation, FINISH)
+        start, period = problem.start(balanced.start()), require_period(excitation)
+        orbit = _newton(problem, period, start, tolerance, 0, stable=False)
+        if orbit is not None:
+            data = _of_orbit(problem, excitation, orbit, tolerance)
+            data.attrs |= {"method": "hb", "finished": "time"}
+            data.attrs |= {"check_deviation": orbit.error} if check else {}
     good = data.attrs["status"] == Status.CONVERGED and data.attrs["stable"] == 1
     if not good and method == "auto":
         return None
@@ -176,17 +189,25 @@ def _by_integration(
     """Steady state reached from rest."""
     problem = problem_for(system, excitation, settings)
     orbit = find_orbit(problem, excitation, tolerance, max_periods)
+    return _of_orbit(problem, excitation, orbit, tolerance)
+
+
+def _of_orbit(
+    problem: Problem, excitation: Excitation, orbit: Orbit, tolerance: float
+) -> xr.Dataset:
+    """What is told of an orbit, or of the reason why there is none."""
+    system, rtol = problem.system, problem.settings.rtol
     if orbit.status is Status.CONVERGED and orbit.run is not None:
         balance = energy_balance(orbit.run)
         orbit.residual = balance.residual
-        if not balance.closes(settings.rtol):
+        if not balance.closes(rtol):
             orbit.status = Status.INCONSISTENT
     data = _dataset(problem, orbit)
     data.attrs |= {
         "status": str(orbit.status),
         "message": orbit.status.message,
         "method": "time",
-        "error_estimate": max(orbit.error, settings.rtol),
+        "error_estimate": max(orbit.error, rtol),
         "floquet_max": orbit.multiplier,
         "periods": orbit.periods,
         "tolerance": tolerance,
@@ -201,8 +222,10 @@ def _by_integration(
         data.attrs |= {
             "integrator": inputs["method"],
             "energy_residual": orbit.residual,
-            "stable": 1,
+            "stable": int(orbit.multiplier < 1.0),
         }
+        if orbit.multiplier >= 1.0:
+            data.attrs["message"] = f"{UNSTABLE} {orbit.status.message}"
     return data
 
 
@@ -269,7 +292,7 @@ def find_orbit(
         motion = run.end.y[: 2 * problem.system.linear.size]
         if run.status is not Status.OK and not np.abs(motion).max() <= FAR:
             # friction and stops may hold a small motion of an unstable linear part, not a large one
-            grows = not is_stable(problem.system)
+            grows = not poles(problem.system).attrs["stable"]
             status = Status.UNSTABLE if grows else Status.NO_PERIODIC_RESPONSE
             return Orbit(status, period, periods=count)
         if run.status is not Status.OK:
@@ -347,9 +370,15 @@ def _change(problem: Problem, start: State, run: Run) -> float:
 
 
 def _newton(
-    problem: Problem, period: float, state: State, tolerance: float, count: int
+    problem: Problem,
+    period: float,
+    state: State,
+    tolerance: float,
+    count: int,
+    *,
+    stable: bool = True,
 ) -> Orbit | None:
-    """Newton's method on the period map; None unless it ends on a stable orbit."""
+    """Newton's method on the period map; None unless it ends on an orbit, `stable` if asked."""
     y = state.y
     jacobian = np.eye(y.size)
     residual_before = np.inf
@@ -360,10 +389,11 @@ def _newton(
         scales = orbit_scales(problem, run)
         residual = float(np.max(np.abs(run.end.y - y) / scales))
         if step and residual <= tolerance:
-            multiplier = float(np.max(np.abs(np.linalg.eigvals(jacobian))))
-            if multiplier >= 1.0:
+            multipliers = np.abs(np.linalg.eigvals(jacobian))
+            multiplier = float(multipliers.max())
+            if stable and multiplier >= 1.0:
                 return None
-            error = residual * max(1.0, 1.0 / (1.0 - multiplier))
+            error = residual * max(1.0, 1.0 / max(np.abs(1.0 - multipliers).min(), 1e-300))
             return Orbit(
                 Status.CONVERGED, period, run, error=error, multiplier=multiplier, periods=count
             )

@@ -13,7 +13,7 @@ from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.energy import WORST_RESIDUAL, powers
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
-from seatdyn.analysis.periodic import fill, harmonics_of
+from seatdyn.analysis.periodic import UNSTABLE, fill, harmonics_of
 from seatdyn.analysis.run import Problem, Settings, State
 from seatdyn.analysis.transient import to_dataset
 from seatdyn.errors import Status
@@ -134,7 +134,7 @@ def balanced_state(
             status = Status.INCONSISTENT
             message = f"Time integration deviates by {deviation:.2g} from harmonic balance."
     if attributes.get("stable") == 0:
-        message = f"This motion solves the equations, but it is unstable. {message}"
+        message = f"{UNSTABLE} {message}"
     attributes |= {"status": str(status), "message": message, "energy_residual": residual}
 
     samples = balanced.in_period()
