@@ -2,7 +2,7 @@
 
     python benchmarks/table.py [--out DIR]
 
-Every other script of this folder takes `--rows FILE` and writes its comparisons there. A script
+Every script of this folder with a peer takes `--rows FILE` and writes its comparisons there. One
 that fails, for instance because its peer cannot be installed, is named, and the others go on.
 """
 
@@ -18,7 +18,7 @@ from pathlib import Path
 from rows import markdown, read, write
 
 HERE = Path(__file__).parent
-NOT_A_BENCHMARK = {"table.py", "rows.py", "peer_heyoka.py", "random_input.py"}  # no peer
+COMPARES = 'add_argument("--rows"'
 
 
 def main() -> int:
@@ -27,7 +27,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=HERE / "results", metavar="DIR")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    scripts = [p for p in sorted(HERE.glob("*.py")) if p.name not in NOT_A_BENCHMARK]
+    others = [p for p in sorted(HERE.glob("*.py")) if p != Path(__file__)]
+    scripts = [p for p in others if COMPARES in p.read_text(encoding="utf-8")]
     rows, failed = [], []
     with tempfile.TemporaryDirectory() as folder:
         for script in scripts:
