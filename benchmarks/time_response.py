@@ -94,10 +94,9 @@ def scipy_travel(law, tuned, method, tolerance):
 
 
 def our_travel(problem):
-    """Travel on the grid by seatdyn, from a lowered problem."""
+    """Travel on the grid by seatdyn, from a lowered problem; states alone, as the peers give."""
     run = problem.run(0.0, END, problem.start(np.zeros(6)))
-    samples = run.at(GRID)
-    return samples.displacement[:, 0] - samples.base[0]
+    return run.states(GRID)[:, 0] + LEVEL / OMEGA**2 * np.sin(OMEGA * GRID)
 
 
 def clock(function, *args):
@@ -118,7 +117,7 @@ def cheapest(travel_at, reference):
     best = None
     for tolerance in TOLERANCES:
         travel, seconds = clock(travel_at, tolerance)
-        again = min(5, round(ROUND / seconds))
+        again = min(40, round(ROUND / seconds))  # a short run is easily disturbed
         seconds = min([seconds, *(clock(travel_at, tolerance)[1] for _ in range(again))])
         error = abs(amplitude(travel) / reference - 1)
         if error <= ERROR and (best is None or seconds < best[2]):

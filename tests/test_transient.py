@@ -375,3 +375,15 @@ def test_progress_is_reported_and_can_stop_the_run(sine):
 def test_absurd_durations_are_refused(duration, sine):
     with pytest.raises(sd.RequestError, match="duration"):
         sd.simulate(paper_system(), sine, duration)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.01])
+def test_states_alone_are_those_of_the_whole_solution(delay):
+    system = paper_system(sd.PiecewiseSpring(1000.0, 0.02, 0.01, delay=delay))
+    problem = Problem.make(system, sd.Sine(1.55, amplitude=0.8857).motion, Settings())
+    start = problem.rest(np.zeros(6)) if delay else problem.start(np.zeros(6))
+    run = problem.run(0.0, 2.0, start)
+    time = np.linspace(0.0, 2.0, 777)
+    samples = run.at(time)
+    expected = np.hstack([samples.displacement, samples.velocity])
+    assert np.array_equal(run.states(time), expected)

@@ -82,6 +82,17 @@ def solution(record, i, part, share, n, y):
         )  # fmt: skip
 
 
+@kernel
+def states(record, marks, index, share):
+    """Displacements and velocities (p, 2N) at `share` (0..1) of the steps `index`, no more."""
+    n = (record.shape[1] - 1) // 4
+    y = np.empty((index.size, 2 * n))
+    for p in range(index.size):
+        i = index[p]
+        solution(record, i, marks[i, marks.shape[1] - 1], share[p], n, y[p])
+    return y
+
+
 @takes(PLANT, TABLE, INTEGER_TABLE, INTEGERS, VECTOR)
 @kernel
 def sample(plant, record, marks, index, share):
