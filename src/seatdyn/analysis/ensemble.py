@@ -124,6 +124,15 @@ class Members(ABC):
                     future.cancel()
 
 
+def require_room(members: int, outputs: int, instants: int) -> None:
+    """Refuse series of a block that would not fit into memory."""
+    if members * outputs * instants * 8 > MOST_SERIES:
+        raise RequestError(
+            f"series of {outputs} outputs over {instants} instants need more than "
+            f"{MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
+        )
+
+
 @dataclass(frozen=True)
 class Ensemble(Members):
     """Members that march side by side, for systems without delays and states of elements.
@@ -178,11 +187,7 @@ class Ensemble(Members):
             start[0], start[size // 2] = -x[:, 0], -v[:, 0]
         gathered = (x.shape[1] - 1 - settle) * self.steps // self.every
         instants, sources, s = self.outputs.shape
-        if LANES * len(wanted) * gathered * instants * 8 > MOST_SERIES:
-            raise RequestError(
-                f"series of {len(wanted)} outputs over {gathered * instants} instants need more "
-                f"than {MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
-            )
+        require_room(LANES, len(wanted), gathered * instants)
         others = (name for name in self.peaks if name not in wanted)
         watched = [self.names.index(name) for name in (*wanted, *others)]
         outputs = self.outputs[:, :, watched].reshape(instants * sources, len(watched))

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 
 from seatdyn.analysis.ensemble import (
     LONGEST_STEP,
-    MOST_SERIES,
     TRIAL,
     Block,
     Ensemble,
     Members,
     choose_steps,
     fewest_steps,
+    require_room,
 )
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.march import all_outputs
 from seatdyn.analysis.outputs import output_table
 from seatdyn.analysis.run import Settings
-from seatdyn.errors import RequestError, Status
+from seatdyn.errors import Status
 from seatdyn.model.excitation import DEGREES, Excitation, Motion
 from seatdyn.model.noise import quintic_segments
 from seatdyn.model.system import SeatSystem
@@ -91,11 +91,7 @@ class RunEnsemble(Members):
     def respond(self, x: Array, v: Array, a: Array, wanted: Sequence[str], settle: int) -> Block:
         """Response of a block to base displacement, velocity and acceleration, (L, nodes)."""
         count = (x.shape[1] - 1 - settle) * self.steps
-        if x.shape[0] * len(wanted) * count * 8 > MOST_SERIES:
-            raise RequestError(
-                f"series of {len(wanted)} outputs over {count} instants need more than "
-                f"{MOST_SERIES:.0e} bytes a block; keep fewer, or shorten the duration."
-            )
+        require_room(x.shape[0], len(wanted), count)
         series = np.full((x.shape[0], len(wanted), count), np.nan)
         moments = np.full((len(self.names), 5, x.shape[0]), np.nan)
         watched = [self.names.index(name) for name in {*wanted, *self.peaks}]
