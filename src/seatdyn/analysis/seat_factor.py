@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from seatdyn.analysis.linear import Linearise
 from seatdyn.analysis.random_linear import linear_response
 from seatdyn.model.system import SeatSystem
-from seatdyn.signals.spectrum import Spectrum
+from seatdyn.signals.spectrum import Derived, Spectrum
 from seatdyn.standards.weighting import Weighting, weighting
 
 Array = NDArray[np.float64]
@@ -45,26 +45,10 @@ def seat_factor(system: SeatSystem, spectrum: Spectrum, *, linearise: Linearise 
 
 
 @dataclass(frozen=True)
-class Weighted(Spectrum):
+class Weighted(Derived):
     """A spectrum times the square of a weighting: filters of a linear system may change places."""
 
-    spectrum: Spectrum
     weighting: Weighting
-
-    @property
-    def low(self) -> float:  # type: ignore[override]
-        """Low end of the band in Hz."""
-        return self.spectrum.low
-
-    @property
-    def high(self) -> float:  # type: ignore[override]
-        """High end of the band in Hz."""
-        return self.spectrum.high
-
-    @property
-    def knots(self) -> Array:
-        """Those of the spectrum."""
-        return self.spectrum.knots
 
     def inside(self, frequency: Array) -> Array:
         """Weighted density."""

@@ -101,7 +101,29 @@ class Spectrum(ABC):
 
 
 @dataclass(frozen=True)
-class Scaled(Spectrum):
+class Derived(Spectrum):
+    """Base of spectra made of another one, in its band."""
+
+    spectrum: Spectrum
+
+    @property
+    def low(self) -> float:  # type: ignore[override]
+        """Low end of the band in Hz."""
+        return self.spectrum.low
+
+    @property
+    def high(self) -> float:  # type: ignore[override]
+        """High end of the band in Hz."""
+        return self.spectrum.high
+
+    @property
+    def knots(self) -> Array:
+        """Those of the spectrum."""
+        return self.spectrum.knots
+
+
+@dataclass(frozen=True)
+class Scaled(Derived):
     """A spectrum raised or lowered to another level; made by `Spectrum.at_level`.
 
     Parameters
@@ -117,7 +139,6 @@ class Scaled(Spectrum):
     0.9
     """
 
-    spectrum: Spectrum
     rms: float
 
     def __post_init__(self) -> None:
@@ -125,25 +146,10 @@ class Scaled(Spectrum):
         level = number(self.rms, "level", "m/s2", above=0.0, error=ExcitationError)
         object.__setattr__(self, "rms", level)
 
-    @property
-    def low(self) -> float:  # type: ignore[override]
-        """Low end of the band in Hz."""
-        return self.spectrum.low
-
-    @property
-    def high(self) -> float:  # type: ignore[override]
-        """High end of the band in Hz."""
-        return self.spectrum.high
-
     @cached_property
     def factor(self) -> float:
         """Of amplitudes."""
         return self.rms / self.spectrum.acceleration_rms()
-
-    @property
-    def knots(self) -> Array:
-        """Those of the spectrum."""
-        return self.spectrum.knots
 
     @property
     def finest(self) -> float:
