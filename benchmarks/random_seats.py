@@ -26,17 +26,25 @@ import numpy as np
 
 import seats_at_random as seats
 
+NOTHING = {"status": "error", "method": "", "stable": -1, "verdict": "", "converged": False}
+
 
 def one(number, seed, sampled):
     """What came of one set, as plain numbers."""
     case = seats.random_set(number, seed)
     began = time.process_time()
-    outcome = seats.outcome_of(case)
     row = {
         "set": number,
         "kinds": case.kinds,
         "sharp": case.sharp,
         "states": bool(case.system.memory_elements),
+    }
+    try:
+        outcome = seats.outcome_of(case)
+    except Exception as error:  # a fault of ours is a failure of that set, not the end of all
+        what = f"{case}: {type(error).__name__}: {error}"
+        return row | NOTHING | {"seconds": time.process_time() - began, "what": what}
+    row |= {
         "status": outcome.status,
         "method": outcome.method,
         "stable": outcome.stable,

@@ -125,6 +125,7 @@ KINDS: dict[str, Kind] = {
         sd.TanhDamper,
         {"viscous": (50.0, 400.0), "stiffness": (100.0, 2e3), "height": (10.0, 150.0),
          "sharpness": (10.0, 200.0), "width": (0.0, 1.0)},
+        sharp=True,
     ),
     "table spring": Kind(
         sd.TableSpring, {"reach": (0.01, 0.06), "force": (50.0, 300.0), "rise": (-0.3, 2.0)},
