@@ -55,7 +55,7 @@ def our_problem(delay, rtol):
 
 def our_seat(problem, start):
     """Displacement of the seat on the grid by seatdyn."""
-    return problem.run(0.0, END, start).at(GRID).displacement[:, 0]
+    return problem.run(0.0, END, start).states(GRID)[:, 0]
 
 
 def peer(delay):

@@ -47,15 +47,8 @@ class History:
 
     def __init__(self, problem: LateProblem) -> None:
         """Find what the delayed forces see."""
-        n, plant, late = problem.system.linear.size, problem.plant, problem.late
-        seen = np.any(late.linear[:, :, :n] != 0.0, axis=(0, 1))
-        seen |= np.any(late.linear[:, :, n : 2 * n] != 0.0, axis=(0, 1))
-        for j in np.flatnonzero(late.group >= 0):
-            for node in (plant.channels[j, FIRST], plant.channels[j, SECOND]):
-                if node >= 0:
-                    seen[node] = True
-        self.nodes = np.flatnonzero(seen)
-        self.n, self.span = n, problem.longest_delay
+        self.nodes = problem.late.seen
+        self.n, self.span = problem.system.linear.size, problem.longest_delay
         self.points = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # now first
         to_series = np.linalg.inv(np.polynomial.chebyshev.chebvander(self.points, DEGREE))
         self._to_series = to_series

@@ -30,7 +30,8 @@ from seatdyn.analysis.run import (
 )
 from seatdyn.errors import RequestError
 from seatdyn.kernels import delay as kernel
-from seatdyn.kernels import integrate
+from seatdyn.kernels import dense, integrate
+from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import CompileNotice
 from seatdyn.kernels.plant import FREE
 from seatdyn.model.excitation import Motion
@@ -143,6 +144,13 @@ class LateRun(Run):
     still: int
     place: float
 
+    def states(self, time: Array) -> Array:
+        """Displacements and velocities (p, 2N) alone at these times (s)."""
+        single = np.full((self.record.shape[0], 1), dense.SINGLE)
+        with CompileNotice():
+            found: Array = dense.states(self.record, single, *self.places(time))
+        return found
+
     def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
         """The solution at `share` of the steps `index`, with what the delayed forces saw."""
         problem = self.problem
@@ -197,9 +205,19 @@ class LateProblem(Problem):
             delays.index(channel.delay) if channel.delay else kernel.AT_ONCE
             for channel in system.channels
         ]
+        plant, n = self.plant, system.linear.size
+        table = late_forces(system)[:, :, [*range(n), 2 * n, *range(n, 2 * n), 2 * n + 1]]
+        where = np.argwhere(table)
+        ends = plant.channels[:-1][np.array(group_of, dtype=int) != kernel.AT_ONCE]
+        seen = {*ends[:, [FIRST, SECOND]].ravel().tolist(), *(where[:, 2] % (n + 1)).tolist()}
+        angle = plant.sines[:, 1] * np.array(delays)[:, None]
         return kernel.Late(
             delay=np.array(delays),
-            linear=late_forces(system),
+            begin=np.searchsorted(where[:, 0], np.arange(len(delays) + 1)),
+            where=np.ascontiguousarray(where[:, 1:]),
+            gain=table[tuple(where.T)],
+            seen=np.array(sorted(seen - {-1, n}), dtype=np.int64),
+            turn=np.stack([np.cos(angle), np.sin(angle)], axis=-1),
             group=np.array(group_of, dtype=np.int64),
             still=0,
             place=0.0,

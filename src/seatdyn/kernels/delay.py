@@ -11,13 +11,13 @@ itself is the past that it needs: it is repeated until it agrees with itself.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, IS_JUMP, OFFSET, ON_DISPLACEMENT, VALUE
-from seatdyn.kernels.dense import state_between
 from seatdyn.kernels.events import (
     ROUNDING,
     break_tolerance,
@@ -51,9 +51,10 @@ from seatdyn.kernels.plant import (
     on_side,
     relative,
     segment_at,
+    segment_motion,
     sum_of_laws,
 )
-from seatdyn.kernels.runge_kutta import A, C, rk_error
+from seatdyn.kernels.runge_kutta import A, C, E
 
 AT_ONCE = -1  # group of a channel without delay
 SMOOTHEST = 5  # a jump of a higher derivative of the displacements does no harm
@@ -63,15 +64,20 @@ WORTH_REPEATING = 1.5  # delays: a step that is no longer is cut to the delay in
 AGREED = 0.1  # of the tolerance: error left by them
 
 
-# Ten times a step: put into its callers, it costs half of what a call does.
-base_at = inlined(base_motion.py_func)
+# Displacements are integrals of velocities, so that accelerations are all that the stages keep:
+# z = z0 + h (c v0 + h (A A) a), and the same with the weights of the error.
+AA, EA = A @ A[:6], E @ A
 
 
 class Late(NamedTuple):
     """What acts late: G delays, their linear forces, and which channels have which."""
 
     delay: np.ndarray  # (G,) s
-    linear: np.ndarray  # (G, N, 2N+2) accelerations as in `Plant.linear`
+    begin: np.ndarray  # (G+1,) int: where the linear forces of each delay begin in the next two
+    where: np.ndarray  # (k, 2) int: node that a force accelerates, place in `Nodes.y`
+    gain: np.ndarray  # (k,) acceleration per unit of what stands there
+    seen: np.ndarray  # int: nodes whose past matters
+    turn: np.ndarray  # (G, s, 2) cosine and sine of what each lasting sine turns by in a delay
     group: np.ndarray  # (m,) int: index of the channel's delay, or AT_ONCE
     still: int  # rows of the record in which the base stands still (before the start)
     place: float  # its displacement there, m
@@ -81,74 +87,111 @@ class Nodes(NamedTuple):
     """What drives the masses at the instants of a step's stages: the base, and the past."""
 
     base: np.ndarray  # (7, 3) displacement, velocity, acceleration
+    sines: np.ndarray  # (s, 2) lasting sines of the base and their cosines, at the last instant
     drive: np.ndarray  # (7, N) accelerations by the base and all delayed forces
     force: np.ndarray  # (7, m) of the channels; those that act at once are set by the stage
-    y: np.ndarray  # (2N,) a state of the past
+    y: np.ndarray  # (2N+2,) a motion of the past, the base as the last node
     side: np.ndarray  # (b,) int, and the branches it was on
     a: np.ndarray  # (N,)
     row: np.ndarray  # (G,) row of the record that the start of a step looks back into
 
 
 @allocating
-def make_nodes(n, m, breaks, delays):
+def make_nodes(plant, delays):
     """Scratch for a run."""
+    n, m = plant.linear.shape[0], plant.gain.shape[0]
     return Nodes(
-        np.empty((7, 3)), np.empty((7, n)), np.zeros((7, m)), np.empty(2 * n),
-        np.ones(breaks, np.int64), np.zeros(n), np.zeros(delays, np.int64),
-    )  # fmt: skip
-
-
-@inner
-def in_row(record, row, share, y):
-    """State at a share of a row of the record."""
-    n = y.size // 2
-    start, end = record[row], record[row + 1]
-    state_between(
-        end[0] - start[0], share, start[1 : 2 * n + 1], start[2 * n + 1 : 3 * n + 1],
-        end[1 : 2 * n + 1], start[3 * n + 1 :], y,
+        np.empty((7, 3)), np.empty((plant.sines.shape[0], 2)), np.empty((7, n)), np.zeros((7, m)),
+        np.empty(2 * n + 2), np.ones(plant.breaks.shape[0], np.int64), np.zeros(n),
+        np.zeros(delays, np.int64),
     )  # fmt: skip
 
 
 @inlined
-def look_back(plant, late, record, marks, row, last, t, forwards, y):
-    """State y at the past time t, its row, and the base then; search from `row` to `last`.
+def base_now(plant, t, segment, sines):
+    """Base displacement, velocity and acceleration, and the lasting sines among them."""
+    x, v, a = segment_motion(plant, t, segment)
+    for i in range(sines.shape[0]):
+        omega, angle = plant.sines[i, 1], plant.sines[i, 1] * t + plant.sines[i, 2]
+        sine, cosine = plant.sines[i, 0] * math.sin(angle), plant.sines[i, 0] * math.cos(angle)
+        sines[i, 0], sines[i, 1] = sine, cosine
+        x += sine
+        v += omega * cosine
+        a -= omega * omega * sine
+    return x, v, a
 
-    At the edge of two rows the later one is taken if `forwards`, else the earlier.
+
+@inlined
+def base_then(plant, turn, t, segment, sines):
+    """Base displacement and velocity at the past time t, its lasting sines turned back from now."""
+    x, v, _ = segment_motion(plant, t, segment)
+    for i in range(sines.shape[0]):
+        x += sines[i, 0] * turn[i, 0] - sines[i, 1] * turn[i, 1]
+        v += plant.sines[i, 1] * (sines[i, 1] * turn[i, 0] + sines[i, 0] * turn[i, 1])
+    return x, v
+
+
+@inlined
+def in_row(record, row, share, nodes, n, y):
+    """Motion of the `nodes` at a share of a row of the record, by its quintic."""
+    start, end = record[row], record[row + 1]
+    h = end[0] - start[0]
+    turns = 1.0 / h
+    for i in range(nodes.size):
+        q = nodes[i]
+        rise, m0, m1 = end[1 + q] - start[1 + q], h * start[1 + n + q], h * end[1 + n + q]
+        k0, k1 = h * h * start[1 + 2 * n + q], h * h * start[1 + 3 * n + q]
+        p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
+        p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
+        p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
+        s = share
+        y[q] = start[1 + q] + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
+        y[n + 1 + q] = turns * (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5))))
+
+
+@inlined
+def look_back(plant, late, record, marks, row, last, g, t, forwards, seen, nodes):
+    """Motion `nodes.y` of the nodes `seen` one delay g before now, at t; returns its row.
+
+    The row is looked for from `row` to `last`. At the edge of two rows the later one is taken if
+    `forwards`, else the earlier. The lasting sines of the base are known for now.
     """
+    n = nodes.a.size
     slack = ROUNDING * max(abs(t), 1.0)
     edge = t + slack if forwards else t - slack
     while row < last and record[row + 1, 0] <= edge:
         row += 1
     begin = record[row, 0]
-    in_row(record, row, (t - begin) / (record[row + 1, 0] - begin), y)
+    in_row(record, row, (t - begin) / (record[row + 1, 0] - begin), seen, n, nodes.y)
     if row < late.still:
-        return row, late.place, 0.0
-    base = base_at(plant, t, marks[row, marks.shape[1] - 1])
-    return row, base[0], base[1]
+        nodes.y[n], nodes.y[2 * n + 1] = late.place, 0.0
+    else:
+        segment = marks[row, marks.shape[1] - 1]
+        x0, v0 = base_then(plant, late.turn[g], t, segment, nodes.sines)
+        nodes.y[n], nodes.y[2 * n + 1] = x0, v0
+    return row
 
 
 @inlined
 def fill_node(plant, late, record, marks, last, s, t, forwards, segment, nodes):
     """Set node s: base motion and delayed forces at t, with `last` the last row of the record."""
     n, m = nodes.a.size, nodes.force.shape[1]
-    x0, v0, a0 = base_at(plant, t, segment)
+    x0, v0, a0 = base_now(plant, t, segment, nodes.sines)
     nodes.base[s, 0], nodes.base[s, 1], nodes.base[s, 2] = x0, v0, a0
     for i in range(n):
         nodes.drive[s, i] = plant.linear[i, 2 * n] * x0 + plant.linear[i, 2 * n + 1] * v0
     for g in range(late.delay.size):
-        row, x0, v0 = look_back(
-            plant, late, record, marks, nodes.row[g], last, t - late.delay[g], forwards, nodes.y
-        )
-        for i in range(n):
-            total = late.linear[g, i, 2 * n] * x0 + late.linear[g, i, 2 * n + 1] * v0
-            for k in range(2 * n):
-                total += late.linear[g, i, k] * nodes.y[k]
-            nodes.drive[s, i] += total
+        row = look_back(
+            plant, late, record, marks, nodes.row[g], last, g, t - late.delay[g], forwards,
+            late.seen, nodes,
+        )  # fmt: skip
+        for r in range(late.begin[g], late.begin[g + 1]):
+            nodes.drive[s, late.where[r, 0]] += late.gain[r] * nodes.y[late.where[r, 1]]
         for r in range(nodes.side.size):
             nodes.side[r] = marks[row, r]
         for j in range(m):
             if late.group[j] == g:
-                d, v = relative(plant, j, nodes.y, x0, v0)
+                d, v = relative(plant, j, nodes.y, nodes.y[n], nodes.y[2 * n + 1])
                 force = 0.0
                 if row < late.still:  # at rest it is on no side of a jump with the velocity
                     force = sum_of_laws(plant, j, d, v)
@@ -182,68 +225,74 @@ def accelerate(plant, late, s, y, side, held, holding, nodes):
 
 @inner
 def late_step(
-    plant, late, record, marks, steps, continued, t, h, segment, y, a0, k, side, held, holding, y1,
+    plant, late, record, marks, steps, continued, t, h, segment, y, a, side, held, holding, y1,
     nodes, z_tolerance, v_tolerance,
 ):  # fmt: skip
-    """One Dormand-Prince step; fills k (7, 2N) and y1; whether it agrees with itself.
+    """One Dormand-Prince step; fills the accelerations a (7, N) after the first, and y1.
 
-    Where a delay is shorter than the step, the step is part of the past that it needs: begun as a
-    parabola, or as the `continued` step before, it is repeated.
+    Returns whether the step agrees with itself, and its error over the tolerance. Where a delay is
+    shorter than the step, the step is part of the past that it needs: begun as a parabola, or as
+    the `continued` step before, it is repeated.
     """
     n = y.size // 2
-    for i in range(n):
-        k[0, i] = y[n + i]
-        k[0, n + i] = a0[i]
-        nodes.y[i] = y[i] + h * (y[n + i] + 0.5 * h * a0[i])
-        nodes.y[n + i] = y[n + i] + h * a0[i]
-    save_step(record, marks, steps, t, y, a0, a0, side, held, segment)
+    now = record[steps + 1]  # the end of this row of the record
     shortest = late.delay.min()
     alone = shortest >= h
-    if not alone and continued:
-        before = t - record[steps - 1, 0]
-        in_row(record, steps - 1, 1.0 + h / before, nodes.y)
-    record[steps + 1, 0] = t + h
-    for i in range(n):
-        record[steps + 1, 1 + i], record[steps + 1, 1 + n + i] = nodes.y[i], nodes.y[n + i]
-        record[steps, 1 + 3 * n + i] = 2 * (nodes.y[n + i] - y[n + i]) / h - a0[i]
-    first, before = 1, 1.0
+    save_step(record, marks, steps, t, y, a[0], a[0], side, held, segment)
+    now[0] = t + h
+    if not alone:
+        for i in range(n):
+            nodes.y[i] = y[i] + h * (y[n + i] + 0.5 * h * a[0, i])
+            nodes.y[n + 1 + i] = y[n + i] + h * a[0, i]
+        if continued:
+            before = t - record[steps - 1, 0]
+            in_row(record, steps - 1, 1.0 + h / before, late.seen, n, nodes.y)
+        for i in range(n):
+            now[1 + i], now[1 + n + i] = nodes.y[i], nodes.y[n + 1 + i]
+            record[steps, 1 + 3 * n + i] = 2 * (nodes.y[n + 1 + i] - y[n + i]) / h - a[0, i]
+    first, before, agrees = 1, 1.0, alone
     for _ in range(REPEATS):
         for s in range(first, 7):
             if s < 6:  # the last two stages are at the same instant
                 fill_node(
                     plant, late, record, marks, steps, s, t + C[s] * h, C[s] < 0.5, segment, nodes
                 )
-            copy(y, y1)
-            for q in range(s):
-                weight = h * A[s, q]
-                for i in range(2 * n):
-                    y1[i] += weight * k[q, i]
+            for i in range(n):
+                rise = gain = 0.0
+                for q in range(s):
+                    rise += AA[s, q] * a[q, i]
+                    gain += A[s, q] * a[q, i]
+                y1[i] = y[i] + h * (C[s] * y[n + i] + h * rise)
+                y1[n + i] = y[n + i] + h * gain
             accelerate(plant, late, min(s, 5), y1, side, held, holding, nodes)
             for i in range(n):
-                k[s, i] = y1[n + i]
-                k[s, n + i] = nodes.a[i]
+                a[s, i] = nodes.a[i]
         worst = 0.0
-        for i in range(n):
-            z, v, a = (
-                record[steps + 1, 1 + i],
-                record[steps + 1, 1 + n + i],
-                record[steps, 1 + 3 * n + i],
+        for r in range(late.seen.size):
+            i = late.seen[r]
+            change = max(
+                abs(y1[n + i] - now[1 + n + i]), h * abs(a[6, i] - record[steps, 1 + 3 * n + i])
             )
-            worst = max(worst, abs(y1[i] - z) / z_tolerance)
-            change = max(abs(y1[n + i] - v), h * abs(k[6, n + i] - a))
-            worst = max(worst, change / v_tolerance)
-            record[steps + 1, 1 + i], record[steps + 1, 1 + n + i] = y1[i], y1[n + i]
-            record[steps, 1 + 3 * n + i] = k[6, n + i]
+            worst = max(worst, abs(y1[i] - now[1 + i]) / z_tolerance, change / v_tolerance)
+        for i in range(n):
+            now[1 + i], now[1 + n + i] = y1[i], y1[n + i]
+            record[steps, 1 + 3 * n + i] = a[6, i]
         # what is left, from how fast the repeats converge
         shrinks = min(worst / before, 0.9)
-        if alone or worst * shrinks <= AGREED * (1.0 - shrinks):
-            return True
-        if not worst < np.inf:
-            return False
+        agrees = alone or worst * shrinks <= AGREED * (1.0 - shrinks)
+        if agrees or not worst < np.inf:
+            break
         before = worst
         while C[first] * h <= shortest:
             first += 1
-    return False
+    error = 0.0
+    for i in range(n):
+        rise, gain = 0.0, E[6] * a[6, i]
+        for q in range(6):
+            rise += EA[q] * a[q, i]
+            gain += E[q] * a[q, i]
+        error = max(error, abs(h * h * rise) / z_tolerance, abs(h * gain) / v_tolerance)
+    return agrees, error
 
 
 @inner
@@ -326,14 +375,14 @@ def integrate_late(
     Returns status, number of events, final side and held, record and marks of past and run (as
     `integrate`), and the breaks to come.
     """
-    n, m = plant.linear.shape[0], plant.gain.shape[0]
+    n = plant.linear.shape[0]
     first = record.shape[0] - 1
     record = grow(record, np.empty((2 * record.shape[0] + 256, record.shape[1])))
     marks = grow(marks, np.zeros((record.shape[0], marks.shape[1]), np.int64))
     y = record[first, 1 : 2 * n + 1].copy()
-    y1, a0, k = np.empty(2 * n), np.zeros(n), np.empty((7, 2 * n))
-    a1 = k[6, n:]
-    nodes = make_nodes(n, m, side.size, late.delay.size)
+    y1, a = np.empty(2 * n), np.zeros((7, n))
+    a0, a1 = a[0], a[6]
+    nodes = make_nodes(plant, late.delay.size)
     rows, scratch = nodes.row, np.empty(6)
     side, held = side.copy(), held.copy()
     pending = times.size
@@ -346,7 +395,7 @@ def integrate_late(
     if side.size and side[0] == 0:
         side[:] = 1
         for _ in range(2):
-            sides_of(plant, y, base_at(plant, t, segment), nodes.a, side)
+            sides_of(plant, y, base_motion(plant, t, segment), nodes.a, side)
             begin(plant, late, record, marks, steps, t, segment, y, side, held, nodes)
 
     events, status, flips = 0, OK, 0
@@ -415,11 +464,10 @@ def integrate_late(
             status = STEP_TOO_SMALL
             break
 
-        agrees = late_step(
-            plant, late, record, marks, steps, continued, t, h, segment, y, a0, k, side, held,
-            holding, y1, nodes, z_tolerance, v_tolerance,
+        agrees, error = late_step(
+            plant, late, record, marks, steps, continued, t, h, segment, y, a, side, held, holding,
+            y1, nodes, z_tolerance, v_tolerance,
         )  # fmt: skip
-        error = rk_error(k, h, n, z_tolerance, v_tolerance)
         if not agrees or not error <= 1.0:
             wanted = h * max(0.2, 0.9 * error**-0.2) if 1.0 < error < np.inf else 0.3 * h
             continue
@@ -452,8 +500,8 @@ def integrate_late(
             for _ in range(REFINEMENTS):
                 h = trial
                 late_step(
-                    plant, late, record, marks, steps, continued, t, h, segment, y, a0, k, side,
-                    held, holding, y1, nodes, z_tolerance, v_tolerance,
+                    plant, late, record, marks, steps, continued, t, h, segment, y, a, side, held,
+                    holding, y1, nodes, z_tolerance, v_tolerance,
                 )  # fmt: skip
                 slope = 0.0
                 if place < 0:
@@ -526,8 +574,9 @@ def sample_late(plant, late, record, marks, index, share):
     times, bases = np.empty((views, count)), np.empty((views, 3, count))
     z, v = np.empty((views, count, n)), np.empty((views, count, n))
     forces, elastic = np.empty((views, count, elements)), np.empty((views, count, elements))
-    a, y = np.empty((count, n)), np.empty(2 * n)
-    nodes, last = make_nodes(n, m, breaks, late.delay.size), record.shape[0] - 2
+    a, everything = np.empty((count, n)), np.arange(n)
+    nodes, last = make_nodes(plant, late.delay.size), record.shape[0] - 2
+    y, x = np.empty(2 * n), nodes.y
     for p in range(count):
         i = index[p]
         h = record[i + 1, 0] - record[i, 0]
@@ -535,28 +584,31 @@ def sample_late(plant, late, record, marks, index, share):
         for g in range(late.delay.size):
             found = np.searchsorted(record[:, 0], t - late.delay[g] - 2 * h)
             nodes.row[g] = max(found - 2, 0)
-        in_row(record, i, share[p], y)
         segment = marks[i, breaks + m]
         side, held = marks[i, :breaks], marks[i, breaks : breaks + m]
         fill_node(plant, late, record, marks, last, 0, t, forwards, segment, nodes)
+        in_row(record, i, share[p], everything, n, x)
+        for q in range(n):
+            y[q], y[n + q] = x[q], x[n + 1 + q]
         accelerate(plant, late, 0, y, side, held, is_holding(held), nodes)
         for q in range(n):
             a[p, q] = nodes.a[q]
         for w in range(views):
-            row, x0, v0, a0 = i, 0.0, 0.0, 0.0
+            row, a0 = i, 0.0
             times[w, p] = t
             if w == 0:
-                x0, v0, a0 = base_at(plant, t, segment)
+                x[n], x[2 * n + 1], a0 = nodes.base[0, 0], nodes.base[0, 1], nodes.base[0, 2]
             else:
                 times[w, p] = t - late.delay[w - 1]
-                row, x0, v0 = look_back(
-                    plant, late, record, marks, nodes.row[w - 1], last, times[w, p], forwards, y
-                )
-            bases[w, 0, p], bases[w, 1, p], bases[w, 2, p] = x0, v0, a0
+                row = look_back(
+                    plant, late, record, marks, nodes.row[w - 1], last, w - 1, times[w, p],
+                    forwards, everything, nodes,
+                )  # fmt: skip
+            bases[w, 0, p], bases[w, 1, p], bases[w, 2, p] = x[n], x[2 * n + 1], a0
             for q in range(n):
-                z[w, p, q], v[w, p, q] = y[q], y[n + q]
+                z[w, p, q], v[w, p, q] = x[q], x[n + 1 + q]
             for j in range(m):
-                d, speed = relative(plant, j, y, x0, v0)
+                d, speed = relative(plant, j, x, x[n], x[2 * n + 1])
                 if row >= late.still:
                     d, speed = on_side(plant, j, d, speed, marks[row, :breaks])
                 begin, end = plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]
@@ -565,8 +617,9 @@ def sample_late(plant, late, record, marks, index, share):
                     forces[w, p, e] = call_law(address, d, speed, plant.parameters, offset)
                     elastic[w, p, e] = call_law(address, d, 0.0, plant.parameters, offset)
                 if w == 0 and held[j] >= 0:
+                    base = (nodes.base[0, 0], nodes.base[0, 1], nodes.base[0, 2])
                     held_element_forces(
-                        plant, j, y, (x0, v0, a0), side, held[j], nodes.force[0, j], forces[w, p]
+                        plant, j, y, base, side, held[j], nodes.force[0, j], forces[w, p]
                     )
                     for e in range(begin, end):
                         elastic[w, p, e] = forces[w, p, e]
