@@ -6,7 +6,7 @@ import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.jit import inlined, inner, stage, takes
-from seatdyn.kernels.plant import PLANT, channel_force, relative, relative_acceleration
+from seatdyn.kernels.plant import PLANT, relative, relative_acceleration, sum_of_laws
 from seatdyn.kernels.shapes import BASE, INTEGERS, REAL, VECTOR
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
@@ -185,16 +185,48 @@ def resting_on(plant, r, j, y, base):
 
 
 @inner
+def is_left_with(plant, q, r):
+    """Whether a state that rests on jump r and leaves it leaves jump q, too.
+
+    At rest on a jump with the displacement, v = 0: dry friction of the channel gives way with it.
+    """
+    if q == r:
+        return True
+    resting = plant.breaks[r, ON_DISPLACEMENT] != 0.0 and plant.breaks[q, IS_JUMP] == 1
+    friction = plant.breaks[q, ON_DISPLACEMENT] == 0.0 and plant.breaks[q, VALUE] == 0.0
+    return resting and friction
+
+
+@inner
+def leave(plant, r, j, way, side):
+    """Go from jump r of channel j to one side (way 1 or -1) of it."""
+    for q in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+        if is_left_with(plant, q, r):
+            side[q] = way
+
+
+@inner
+def beside_jump(plant, r, j, d, v, side, way):
+    """State (d, v) on jump r of channel j, moved to one side of it by a rounding."""
+    for q in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+        if plant.breaks[q, IS_JUMP] == 0:
+            continue
+        there = way if is_left_with(plant, q, r) else side[q]
+        edge = np.nextafter(plant.breaks[q, VALUE], there * np.inf)
+        if plant.breaks[q, ON_DISPLACEMENT] != 0.0:
+            d = max(d, edge) if there > 0 else min(d, edge)
+        else:
+            v = max(v, edge) if there > 0 else min(v, edge)
+    return d, v
+
+
+@inner
 def one_sided_forces(plant, r, j, y, base, side):
     """Force of channel j just below and just above its jump r, the jump reached exactly."""
     d, v = resting_on(plant, r, j, y, base)
-    present = side[r]
-    side[r] = -1
-    below = channel_force(plant, j, d, v, side)
-    side[r] = 1
-    above = channel_force(plant, j, d, v, side)
-    side[r] = present
-    return below, above
+    d_low, v_low = beside_jump(plant, r, j, d, v, side, -1)
+    d_high, v_high = beside_jump(plant, r, j, d, v, side, 1)
+    return sum_of_laws(plant, j, d_low, v_low), sum_of_laws(plant, j, d_high, v_high)
 
 
 @takes(PLANT, VECTOR, BASE, VECTOR, INTEGERS)

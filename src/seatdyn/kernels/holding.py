@@ -2,7 +2,8 @@
 
 At a jump at d = b with v = 0 the force is the whole interval between its one-sided values. A
 channel is held there while the force that balances it lies inside the interval. The same holds
-for a jump at v = 0 (dry friction), where d stays constant.
+for a jump at v = 0 (dry friction), where d stays constant. Dry friction in the same channel adds
+its own jump to one at d = b: there v = 0, too.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ import numpy as np
 
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
-from seatdyn.kernels.events import one_sided_forces, resting_on
+from seatdyn.kernels.events import beside_jump, leave, one_sided_forces, resting_on
 from seatdyn.kernels.jit import allocating, stage, takes
-from seatdyn.kernels.plant import FREE, PLANT, accelerations, base_motion, on_side, relative
+from seatdyn.kernels.plant import FREE, PLANT, accelerations, base_motion, relative
 from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, VECTOR
 
 
@@ -61,11 +62,8 @@ def held_element_forces(plant, j, y, base, side, r, force, result):
     Each element that jumps there carries the same share of its jump.
     """
     d, v = resting_on(plant, r, j, y, base)
-    trial = side.copy()
-    trial[r] = -1
-    d_low, v_low = on_side(plant, j, d, v, trial)
-    trial[r] = 1
-    d_high, v_high = on_side(plant, j, d, v, trial)
+    d_low, v_low = beside_jump(plant, r, j, d, v, side, -1)
+    d_high, v_high = beside_jump(plant, r, j, d, v, side, 1)
     below = jumps = 0.0
     for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
         address, offset = plant.elements[e, ADDRESS], plant.elements[e, OFFSET]
@@ -86,5 +84,5 @@ def release(plant, t, segment, y, j, side, held, force):
     base = base_motion(plant, t, segment)
     r = held[j]
     below, above = one_sided_forces(plant, r, j, y, base, side)
-    side[r] = 1 if force[j] - below > above - force[j] else -1
+    leave(plant, r, j, 1 if force[j] - below > above - force[j] else -1, side)
     held[j] = FREE
