@@ -19,7 +19,7 @@ from seatdyn.kernels.columns import (
     OFFSET,
     ON_DISPLACEMENT,
 )
-from seatdyn.kernels.events import one_sided_forces
+from seatdyn.kernels.events import leave, one_sided_forces
 from seatdyn.kernels.holding import held_element_forces
 from seatdyn.kernels.jit import allocating, inner, kernel
 from seatdyn.kernels.memory import (
@@ -142,15 +142,19 @@ def first_break(plant, memory, t, h, segment, y, y1, k, n, side, tolerance):
 
 @inner
 def land(plant, memory, t, h, segment, y, side, space, y1, row, share, tolerance):
-    """Take the shorter step that ends on break `row`; returns its size."""
+    """Take the shorter step that ends on break `row`; returns its size.
+
+    Near enough is refined once more: what is left feeds a state that bounces about a jump.
+    """
     n = space.acceleration.size
     low, high = 0.0, h
-    trial = share * h
+    trial, near = share * h, False
     for _ in range(REFINEMENTS):
         step(plant, memory, t, trial, segment, y, side, space, y1)
         g, slope = distance(plant, memory, row, t + trial, segment, y1, space.k[6], n, side)
-        if abs(g) <= tolerance or high - low <= SHORTEST * max(abs(t), 1e-3):
+        if near or g == 0.0 or high - low <= SHORTEST * max(abs(t), 1e-3):
             break
+        near = abs(g) <= tolerance
         if g > 0.0:
             low = trial
         else:
@@ -184,6 +188,15 @@ def loosest(plant, t, segment, space, side):
 
 
 @inner
+def channel_of(plant, row):
+    """The channel that a break belongs to."""
+    channel = 0
+    while plant.channels[channel + 1, BREAKS] <= row:
+        channel += 1
+    return channel
+
+
+@inner
 def rest_or_pass(plant, memory, t, segment, y, side, space, row, slow):
     """Rest on the break just met, if it is a jump that can balance the forces; else go over it."""
     before = side[row]
@@ -192,9 +205,7 @@ def rest_or_pass(plant, memory, t, segment, y, side, space, row, slow):
         return
     n = space.acceleration.size
     base = base_motion(plant, t, segment)
-    channel = 0
-    while plant.channels[channel + 1, BREAKS] <= row:
-        channel += 1
+    channel = channel_of(plant, row)
     for i in range(2 * n):
         space.motion[i] = y[i]
     _, v = relative(plant, channel, space.motion, base[0], base[1])
@@ -363,7 +374,7 @@ def integrate(
             if row >= 0:
                 rest_or_pass(plant, memory, t, segment, y, side, space, row, slow)
             else:
-                side[let_go] = way
+                leave(plant, let_go, channel_of(plant, let_go), way, side)
             events += 1
             in_window += 1
             if t - window > 1.0:
