@@ -15,31 +15,20 @@ from seatdyn.model.memory import MemoryElement
 from seatdyn.model.shift import Shifted
 from seats_at_random import ALLOWED, KINDS, TOLERANCE, miss, outcome_of, random_set
 
-# sets without a motion found, and what is said of them; the share is counted by the benchmark
-FAILING = {
-    29: "no_periodic_response",  # a jump at d = 0 almost holds it; never repeats in time
-    20_043: "no_periodic_response",  # dry friction
-    20_151: "chattering",  # a jump at d = 0 and two frictions with states
-}
-
 
 def check(cases, sampled):
-    """All but the listed converge; the sample comes back after a period in time."""
-    failures, misses, sharp = {}, [], 0
+    """All converge; the sample comes back after a period in time."""
+    misses, sharp = [], 0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sd.SeatdynWarning)  # tables are used outside their range
         for i, case in enumerate(cases):
             outcome = outcome_of(case)
-            if not outcome.converged:
-                assert outcome.message, case  # failures say why
-                failures[case.number] = outcome.status
-            elif i in sampled and outcome.status in ("converged", "grazing"):
+            assert outcome.converged, f"{case}: {outcome.status}"
+            if i in sampled and outcome.status in ("converged", "grazing"):
                 missed = miss(case, outcome)
                 assert missed <= ALLOWED * TOLERANCE, str(case)
                 misses.append(missed)
                 sharp += case.sharp
-    print(f"{len(failures)} of {len(cases)} failed, worst miss of {len(misses)}: {max(misses):.1e}")
-    assert failures.items() <= FAILING.items()
     assert sharp >= 0.3 * len(misses)
 
 
@@ -66,6 +55,27 @@ def test_seats_without_states():
 @pytest.mark.slow
 def test_seats_of_all_elements():
     check([random_set(i) for i in range(20_000, 20_200)], range(0, 200, 4))
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_a_seat_held_at_a_jump_beside_another_motion():
+    """From rest the active body keeps it moving, and never repeats; resting at d = 0 it stays."""
+    case = random_set(29)
+    held = sd.steady_state(case.system, case.sine, method="hb")
+    assert (held.attrs["status"], held.attrs["finished"]) == ("converged", "time")
+    assert float(held.amplitude.sel(output="seat-base")) < 1e-12
+    other = sd.steady_state(case.system, case.sine, tolerance=TOLERANCE, max_periods=200)
+    assert other.attrs["status"] == "no_periodic_response"
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_a_light_cushion_bounces_about_a_jump_until_it_rests():
+    """What the location of every crossing leaves must not feed the bouncing."""
+    case = random_set(20_151)
+    assert "tanh damper" in case.kinds
+    run = sd.simulate(case.system, case.sine, case.sine.period)
+    assert run.attrs["status"] == "ok"
+    assert run.attrs["events"] < 2000
 
 
 @pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")

@@ -73,6 +73,11 @@ def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) 
 class HystereticRun(Run):
     """A run whose record has the states beside the motion."""
 
+    @property
+    def rests(self) -> bool:
+        """Whether every jump that the state rests on at the end was rested on all the time."""
+        return bool(np.all(self.marks[:, self.end.side == HELD] == HELD))
+
     def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
         """The solution at `share` of the steps `index`."""
         problem = self.problem

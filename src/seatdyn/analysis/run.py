@@ -128,6 +128,13 @@ class Run:
         """Number of accepted steps."""
         return int(self.record.shape[0]) - 1
 
+    @property
+    def rests(self) -> bool:
+        """Whether every channel that rests on a jump at the end did so all the time."""
+        first = self.problem.plant.breaks.shape[0]
+        held = self.marks[:, first : first + self.end.held.size]
+        return bool(np.all(held[:, self.end.held != FREE] != FREE))
+
     def places(self, time: Array) -> tuple[NDArray[np.int64], Array]:
         """The steps that these times (s) lie in, and the shares (0..1) of them that have passed."""
         starts = self.record[:, 0]

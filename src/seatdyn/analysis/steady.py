@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,6 +25,7 @@ from seatdyn.analysis.transient import (
     warn_extrapolation,
 )
 from seatdyn.errors import RequestError, Status
+from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.model.elements import (
     CoulombFriction,
     NonlinearElement,
@@ -39,6 +41,8 @@ from seatdyn.units import number
 if TYPE_CHECKING:
     import xarray as xr
 
+    from seatdyn.analysis.balance import Balanced
+
 Array = NDArray[np.float64]
 DEFAULT = Settings(rtol=1e-9)
 SHARES = np.linspace(0.0, 1.0, 13)  # of a step, where extrema are looked for
@@ -53,6 +57,9 @@ SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
 FINISH = Settings(rtol=1e-11)  # of a motion that harmonic balance has almost found
 FAR = 1e3  # m, m/s: a run that ends there, for whatever reason, grows without bound
+STICKING_PERIODS = 200  # of time integration where harmonic balance cannot follow
+CREEPING = 0.5  # ratio of two changes above which what friction holds is led to where it creeps
+LED, AGREED = 0.5, 0.1  # share of the way left; how far two estimates of that may differ
 JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
 SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
 
@@ -71,9 +78,11 @@ def steady_state(
 
     "hb", harmonic balance, finds a motion with the period of the excitation, starting from the
     linear response, with as many harmonics as its error estimate asks for. Where all harmonics
-    allowed are too few, Newton's method on the period map finishes (attribute `finished` "time").
-    The motion may be unstable (attribute `stable` 0): it solves the equations, but no test will
-    show it.
+    allowed are too few, Newton's method on the period map finishes; where it fails and a force
+    jumps, the seat may rest on the jump, which harmonics cannot follow, and time integration looks
+    for that motion, starting with the seat moving as the base (attribute `finished` "time" in both
+    cases). The motion may be unstable (attribute `stable` 0): it solves the equations, but no test
+    will show it.
 
     "time" integrates from rest until the state repeats; when it nearly does, Newton's method on the
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
@@ -160,15 +169,9 @@ def _by_balance(
             "not; use method='time'."
         )
     data = balanced_state(balanced, excitation, tolerance, check=check)
-    coarse = data.attrs["status"] == Status.NOT_ACCURATE and tolerance >= FINISH.rtol
-    if coarse and known and method == "hb":
-        problem = problem_for(system, excitation, FINISH)
-        start, period = problem.start(balanced.start()), require_period(excitation)
-        orbit = _newton(problem, period, start, tolerance, 0, stable=False)
-        if orbit is not None:
-            data = _of_orbit(problem, excitation, orbit, tolerance)
-            data.attrs |= {"method": "hb", "finished": "time"}
-            data.attrs |= {"check_deviation": orbit.error} if check else {}
+    if known and method == "hb":
+        finished = _finish(balanced, excitation, data.attrs["status"], tolerance, check=check)
+        data = data if finished is None else finished
     good = data.attrs["status"] == Status.CONVERGED and data.attrs["stable"] == 1
     if not good and method == "auto":
         return None
@@ -177,6 +180,36 @@ def _by_balance(
     else:
         warn_extrapolation(system, balanced.in_period)
     return data
+
+
+def _finish(
+    balanced: Balanced, excitation: Excitation, status: str, tolerance: float, *, check: bool
+) -> xr.Dataset | None:
+    """In time, what harmonic balance has almost found, or a motion that it cannot follow."""
+    almost = status == Status.NOT_ACCURATE and tolerance >= FINISH.rtol
+    lost = status in (Status.NOT_CONVERGED, Status.STICKING, Status.CHATTERING)
+    if not almost and not (lost and np.any(balanced.problem.breaks[:, IS_JUMP] == 1.0)):
+        return None
+    problem = problem_for(balanced.system, excitation, FINISH if almost else DEFAULT)
+    orbit: Orbit | None
+    if almost:
+        start, period = problem.start(balanced.start()), require_period(excitation)
+        orbit = _newton(problem, period, start, tolerance, 0, stable=False)
+    else:
+        start = _moving_as_the_base(problem)
+        orbit = find_orbit(problem, excitation, tolerance, STICKING_PERIODS, start=start)
+    if orbit is None or orbit.status is not Status.CONVERGED:
+        return None
+    data = _of_orbit(problem, excitation, orbit, tolerance)
+    data.attrs |= {"method": "hb", "finished": "time"}
+    data.attrs |= {"check_deviation": orbit.error} if check else {}
+    return data
+
+
+def _moving_as_the_base(problem: Problem) -> State:
+    """The state in which every node has displacement and velocity of the base."""
+    moving = [float(problem.motion.evaluate(0.0, order)) for order in (0, 1)]
+    return problem.start(np.repeat(moving, problem.system.linear.size))
 
 
 def _by_integration(
@@ -260,9 +293,14 @@ class Orbit:
 
 
 def find_orbit(
-    problem: Problem, excitation: Excitation, tolerance: float, max_periods: int
+    problem: Problem,
+    excitation: Excitation,
+    tolerance: float,
+    max_periods: int,
+    *,
+    start: State | None = None,
 ) -> Orbit:
-    """Integrate from rest until the motion repeats itself."""
+    """Integrate from rest, or from `start`, until the motion repeats itself."""
     period = require_period(excitation)
     linear = all(is_affine(element) for element in problem.system.nonlinear_elements)
     linear = linear and not problem.system.memory_elements
@@ -284,8 +322,9 @@ def find_orbit(
         )
         late.multipliers = found.multipliers
         return late
-    state = problem.start(initial_state(problem, "rest"))
+    state = problem.start(initial_state(problem, "rest")) if start is None else start
     changes: list[float] = []
+    remaining, ahead = np.inf, 0.0  # change still to come; of what creeps, when last known
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
@@ -298,15 +337,19 @@ def find_orbit(
         if run.status is not Status.OK:
             return Orbit(run.status, period, periods=count)
         changes.append(_change(problem, state, run))
-        rate = changes[-1] / changes[-2] if count > 1 and changes[-2] > 0.0 else 1.0
-        remaining = changes[-1] * rate / (1.0 - rate) if rate < 1.0 else np.inf
-        if changes[-1] <= tolerance and remaining <= tolerance:
+        rate = changes[-1] / changes[-2] if len(changes) > 1 and changes[-2] > 0.0 else 1.0
+        slips = run.end.is_held and not run.rests
+        creeps = slips and CREEPING < rate < 1.0
+        left = _left(rate, creeps=creeps)
+        expected, remaining = remaining - changes[-1], changes[-1] * left
+        ahead = ahead if slips else 0.0
+        if changes[-1] <= tolerance and max(remaining, ahead) <= tolerance:
             last = problem.run(0.0, period, run.end)
             return Orbit(
                 Status.CONVERGED,
                 period,
                 last,
-                error=max(remaining, changes[-1]),
+                error=max(remaining, ahead, changes[-1]),
                 multiplier=rate,
                 periods=count,
             )
@@ -325,8 +368,26 @@ def find_orbit(
             # so near and no nearer: what is left may be what the steps leave
             sharper = replace(problem.settings, rtol=max(SHARPER * problem.settings.rtol, FINEST))
             problem = replace(problem, settings=sharper)
-        state = run.end
+        if creeps and abs(remaining - expected) <= AGREED * remaining:
+            state = replace(run.end, y=run.end.y + LED * left * (run.end.y - state.y))
+            changes, remaining, ahead = [], np.inf, (1.0 - LED) * remaining
+        else:
+            state = run.end
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
+
+
+def _left(rate: float, *, creeps: bool) -> float:
+    """What is left to go, in last changes, if every change is `rate` times the one before.
+
+    What dry friction holds for most of the period `creeps`: each slip is as the square of the way
+    left to where the seat would be held for ever, so that n periods leave 1/n of it.
+    """
+    if rate >= 1.0:
+        return np.inf
+    if creeps:
+        root = math.sqrt(rate)
+        return 1.0 / (root * (1.0 - root)) - 1.0
+    return rate / (1.0 - rate)
 
 
 def _repeats_after(past: deque[Array], run: Run, tolerance: float, scales: Array) -> int:
