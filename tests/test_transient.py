@@ -387,3 +387,6 @@ def test_states_alone_are_those_of_the_whole_solution(delay):
     samples = run.at(time)
     expected = np.hstack([samples.displacement, samples.velocity])
     assert np.array_equal(run.states(time), expected)
+    order = np.random.default_rng(1).permutation(time.size)  # rows are found forwards and backwards
+    assert np.array_equal(run.states(time[order]), expected[order])
+    assert run.states(time[:0]).shape == (0, 6)

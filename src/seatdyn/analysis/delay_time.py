@@ -82,7 +82,7 @@ class Past:
         z0, v0, k0 = start[:, 1 : n + 1], h * start[:, n + 1 : 2 * n + 1], start[:, 2 * n + 1 :]
         z1, v1 = end[:, 1 : n + 1], h * end[:, n + 1 : 2 * n + 1]
         k0, k1 = h * h * k0[:, :n], h * h * start[:, 3 * n + 1 :]
-        # the quintic of `dense.state_between`
+        # the quintic of `dense.quintic`
         rise = z1 - z0
         p3 = 10 * rise - 6 * v0 - 4 * v1 - 1.5 * k0 + 0.5 * k1
         p4 = -15 * rise + 8 * v0 + 7 * v1 + 1.5 * k0 - k1
@@ -148,7 +148,7 @@ class LateRun(Run):
         """Displacements and velocities (p, 2N) alone at these times (s)."""
         single = np.full((self.record.shape[0], 1), dense.SINGLE)
         with CompileNotice():
-            found: Array = dense.states(self.record, single, *self.places(time))
+            found: Array = dense.states(self.record, single, np.asarray(time, dtype=float))
         return found
 
     def sample(self, index: NDArray[np.int64], share: Array) -> Samples:

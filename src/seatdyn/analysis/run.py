@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -72,15 +71,16 @@ class Settings:
             )
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
+class interruptible:
     """Pass on a KeyboardInterrupt that struck inside a kernel as what it is."""
-    try:
-        yield
-    except SystemError as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
+
+    def __enter__(self) -> None:
+        """Nothing to do: a generator would take longer than a short kernel."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Look at what numba made of it."""
+        if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
             raise KeyboardInterrupt from None
-        raise
 
 
 class Samples(NamedTuple):
@@ -151,7 +151,7 @@ class Run:
             samples = self.at(time)
             return np.hstack([samples.displacement, samples.velocity])
         with CompileNotice():
-            found: Array = dense.states(self.record, self.marks, *self.places(time))
+            found: Array = dense.states(self.record, self.marks, np.asarray(time, dtype=float))
         return found
 
     def in_steps(self, shares: Array, first: int = 0, last: int | None = None) -> Samples:
@@ -219,9 +219,9 @@ class Problem:
         progress: Callable[[float], None] | None = None,
     ) -> Run:
         """Integrate from t0 to t1 (s); `progress` is called with the share done."""
-        settings = self.settings
+        settings, t0, t1 = self.settings, float(t0), float(t1)
         pieces = max(1, math.ceil((t1 - t0) / PIECE))
-        times = np.linspace(t0, t1, pieces + 1)
+        times = [t0 + (t1 - t0) * i / pieces for i in range(pieces)] + [t1]
         records, marks = [], []
         events, steps, state = 0, 0, start
         code, scale, n = integrate.OK, self.floor, self.system.linear.size
@@ -232,8 +232,8 @@ class Problem:
                     self.plant,
                     self.ladder,
                     self.uses_ladder,
-                    float(begin),
-                    float(stop),
+                    begin,
+                    stop,
                     state.y,
                     state.side,
                     state.held,

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from seatdyn.kernels.address import address_of
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, IS_JUMP, OFFSET, ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import (
@@ -146,7 +147,7 @@ def in_row(record, row, share, nodes, n, y):
         p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
         s = share
         y[q] = start[1 + q] + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
-        y[n + 1 + q] = turns * (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5))))
+        y[n + 1 + q] = turns * (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * (5 * p5)))))
 
 
 @inlined
@@ -375,6 +376,7 @@ def integrate_late(
     Returns status, number of events, final side and held, record and marks of past and run (as
     `integrate`), and the breaks to come.
     """
+    plant = address_of(plant)
     n = plant.linear.shape[0]
     first = record.shape[0] - 1
     record = grow(record, np.empty((2 * record.shape[0] + 256, record.shape[1])))
@@ -569,6 +571,7 @@ def sample_late(plant, late, record, marks, index, share):
     displacements and velocities (p, N), forces of the elements as commanded then (p, e), and these
     at zero velocity (p, e); and the accelerations (p, N) of the present.
     """
+    plant = address_of(plant)
     n, m, count = plant.linear.shape[0], plant.gain.shape[0], index.size
     views, breaks, elements = 1 + late.delay.size, plant.breaks.shape[0], plant.elements.shape[0]
     times, bases = np.empty((views, count)), np.empty((views, 3, count))

@@ -1,13 +1,14 @@
-"""The solution between the steps: states from quintics, accelerations and forces from the laws."""
+"""The solution between the steps: states from polynomials, the rest from the laws."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.address import address_of
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.holding import held_element_forces
-from seatdyn.kernels.jit import inner, kernel, takes
+from seatdyn.kernels.jit import inlined, inner, kernel, takes
 from seatdyn.kernels.plant import (
     PLANT,
     accelerations,
@@ -24,73 +25,147 @@ SINGLE, FIRST_HALF, SECOND_HALF = np.arange(
 )  # what a row of the record is: last column of `marks`
 
 
-@inner
-def state_between(h, s, y0, a0, y1, a1, y):
-    """State at share s of a step: quintic in the displacements, its derivative as velocity."""
-    n = a0.size
-    for q in range(n):
-        z0, z1 = y0[q], y1[q]
-        m0, m1 = h * y0[n + q], h * y1[n + q]
-        k0, k1 = h * h * a0[q], h * h * a1[q]
-        rise = z1 - z0
-        p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
-        p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
-        p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
-        y[q] = z0 + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
-        y[n + q] = (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
+@inlined
+def quintic(h, z0, v0, a0, z1, v1, a1):
+    """Coefficients of s = 0 .. 1 over a step: displacement, velocity, acceleration at both ends."""
+    m0, m1, k0, k1, rise = h * v0, h * v1, h * h * a0, h * h * a1, z1 - z0
+    return (
+        z0,
+        m0,
+        0.5 * k0,
+        10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1,
+        -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1,
+        6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
-@inner
-def state_within(k, u, y0, a0, ym, am, y1, a1, y):
-    """State at u = -1 .. 1 of a step of two halves k from what it has at -1, 0 and 1.
+@inlined
+def octic(k, z0, v0, a0, zm, vm, am, z1, v1, a1):
+    """Coefficients of u = -1 .. 1 over a step of two halves k: the same at -1, 0 and 1.
 
-    The displacements are of degree eight: the quintic through both ends, and what the middle adds.
+    It is the quintic through both ends, and what the middle adds: (1 - u^2)^3 (c0 + c1 u + c2 u^2).
     """
-    n = a0.size
-    bell = 1.0 - u * u
-    for q in range(n):
-        mean, odd = 0.5 * (y0[q] + y1[q]), 0.5 * (y1[q] - y0[q])
-        odd1, mean1 = 0.5 * k * (y1[n + q] - y0[n + q]), 0.5 * k * (y0[n + q] + y1[n + q])
-        mean2, odd2 = 0.5 * k * k * (a0[q] + a1[q]), 0.5 * k * k * (a1[q] - a0[q])
-        p4, p5 = 0.125 * (mean2 - odd1), 0.125 * (odd2 - 3 * (mean1 - odd))
-        p2, p3 = 0.5 * odd1 - 2 * p4, 0.5 * (mean1 - odd) - 2 * p5
-        p0, p1 = mean - p2 - p4, odd - p3 - p5
-        c0, c1 = ym[q] - p0, k * ym[n + q] - p1
-        c2 = 0.5 * (k * k * am[q] - 2 * p2) + 3 * c0
-        c, slope = c0 + u * (c1 + u * c2), c1 + 2 * u * c2
-        y[q] = p0 + u * (p1 + u * (p2 + u * (p3 + u * (p4 + u * p5)))) + bell**3 * c
-        rate = p1 + u * (2 * p2 + u * (3 * p3 + u * (4 * p4 + u * 5 * p5)))
-        y[n + q] = (rate + bell * bell * (bell * slope - 6 * u * c)) / k
+    mean, odd = 0.5 * (z0 + z1), 0.5 * (z1 - z0)
+    mean1, odd1 = 0.5 * k * (v0 + v1), 0.5 * k * (v1 - v0)
+    mean2, odd2 = 0.5 * k * k * (a0 + a1), 0.5 * k * k * (a1 - a0)
+    p4, p5 = 0.125 * (mean2 - odd1), 0.125 * (odd2 - 3 * (mean1 - odd))
+    p2, p3 = 0.5 * odd1 - 2 * p4, 0.5 * (mean1 - odd) - 2 * p5
+    p0, p1 = mean - p2 - p4, odd - p3 - p5
+    c0, c1 = zm - p0, k * vm - p1
+    c2 = 0.5 * (k * k * am - 2 * p2) + 3 * c0
+    return (
+        zm,
+        k * vm,
+        0.5 * k * k * am,
+        p3 - 3 * c1,
+        p4 + 3 * (c0 - c2),
+        p5 + 3 * c1,
+        3 * c2 - c0,
+        -c1,
+        -c2,
+    )
+
+
+@inlined
+def value(c, u):
+    """A polynomial of degree eight."""
+    return c[0] + u * (
+        c[1]
+        + u * (c[2] + u * (c[3] + u * (c[4] + u * (c[5] + u * (c[6] + u * (c[7] + u * c[8]))))))
+    )
+
+
+@inlined
+def slope(c, u):
+    """Its derivative."""
+    return c[1] + u * (
+        2 * c[2]
+        + u
+        * (
+            3 * c[3]
+            + u * (4 * c[4] + u * (5 * c[5] + u * (6 * c[6] + u * (7 * c[7] + u * (8 * c[8])))))
+        )
+    )
 
 
 @inner
-def solution(record, i, part, share, n, y):
-    """State at a share of row i of the record, which may be half of a ladder step."""
-    h = record[i + 1, 0] - record[i, 0]
-    first = i - 1 if part == SECOND_HALF else i
-    start, middle = record[first], record[first + 1]
+def state_within(k, u, path, y):
+    """State at u = -1 .. 1 of a step of two halves k; `path` (3, 3N) as in a `Work`."""
+    n = path.shape[1] // 3
+    for q in range(n):
+        v, a = n + q, 2 * n + q
+        c = octic(
+            k, path[0, q], path[0, v], path[0, a], path[1, q], path[1, v], path[1, a], path[2, q],
+            path[2, v], path[2, a],
+        )  # fmt: skip
+        y[q], y[v] = value(c, u), slope(c, u) / k
+
+
+@inlined
+def in_row(record, i, part, n, q):
+    """Polynomial of displacement q in row i of the record, which may be half of a ladder step."""
+    h, z, v, a, b = record[i + 1, 0] - record[i, 0], 1 + q, 1 + n + q, 1 + 2 * n + q, 1 + 3 * n + q
     if part == SINGLE:
-        state_between(
-            h, share, start[1 : 2 * n + 1], start[2 * n + 1 : 3 * n + 1], middle[1 : 2 * n + 1],
-            start[3 * n + 1 :], y,
-        )  # fmt: skip
+        start, end = record[i], record[i + 1]
+        return quintic(h, start[z], start[v], start[a], end[z], end[v], start[b])
+    first = i - 1 if part == SECOND_HALF else i
+    start, middle, end = record[first], record[first + 1], record[first + 2]
+    return octic(
+        h, start[z], start[v], start[a], middle[z], middle[v], start[b], end[z], end[v], middle[b]
+    )
+
+
+@inlined
+def first_of(part):
+    """Variable of that polynomial where the row begins; it ends one later."""
+    return -1.0 if part == FIRST_HALF else 0.0
+
+
+@inner
+def row_at(record, i, time):
+    """Last row of the record that begins no later than `time`; i is a first guess."""
+    low, high = 0, record.shape[0] - 2
+    if record[i, 0] <= time:
+        low = i
+        if i == high or time < record[i + 1, 0]:
+            return i
     else:
-        state_within(
-            h, share if part == SECOND_HALF else share - 1.0, start[1 : 2 * n + 1],
-            start[2 * n + 1 : 3 * n + 1], middle[1 : 2 * n + 1], start[3 * n + 1 :],
-            record[first + 2, 1 : 2 * n + 1], middle[3 * n + 1 :], y,
-        )  # fmt: skip
+        high = i
+    while low < high:
+        middle = (low + high + 1) // 2
+        if record[middle, 0] <= time:
+            low = middle
+        else:
+            high = middle - 1
+    return low
 
 
 @kernel
-def states(record, marks, index, share):
-    """Displacements and velocities (p, 2N) at `share` (0..1) of the steps `index`, no more."""
-    n = (record.shape[1] - 1) // 4
-    y = np.empty((index.size, 2 * n))
-    for p in range(index.size):
-        i = index[p]
-        solution(record, i, marks[i, marks.shape[1] - 1], share[p], n, y[p])
-    return y
+def states(record, marks, time):
+    """Displacements and velocities (p, 2N) at these times (p,), no more."""
+    n, last = (record.shape[1] - 1) // 4, record.shape[0] - 2
+    y = np.empty((2 * n, time.size))  # so that what follows in time does so in memory
+    begin = i = 0
+    while begin < time.size:
+        i = row_at(record, i, time[begin])
+        start, h = record[i, 0], record[i + 1, 0] - record[i, 0]
+        part, rate = marks[i, marks.shape[1] - 1], 1.0 / h
+        # the times that follow in the same row
+        end = begin + 1
+        while end < time.size and start <= time[end] and (time[end] < start + h or i == last):
+            end += 1
+        here, first = time[begin:end], first_of(part)
+        for q in range(n):
+            c = in_row(record, i, part, n, q)
+            z, v = y[q, begin:end], y[n + q, begin:end]
+            for p in range(here.size):
+                u = (here[p] - start) / h + first
+                z[p], v[p] = value(c, u), slope(c, u) * rate
+        begin = end
+    return y.T
 
 
 @takes(PLANT, TABLE, INTEGER_TABLE, INTEGERS, VECTOR)
@@ -101,6 +176,7 @@ def sample(plant, record, marks, index, share):
     Returns times (p,), base motion (3, p), displacements, velocities, accelerations (p, N), element
     forces (p, e), and the element forces at the same displacement and zero velocity (p, e).
     """
+    plant = address_of(plant)
     n, m, count = plant.linear.shape[0], plant.gain.shape[0], index.size
     breaks, elements = plant.breaks.shape[0], plant.elements.shape[0]
     z, v, a = np.empty((count, n)), np.empty((count, n)), np.empty((count, n))
@@ -110,7 +186,10 @@ def sample(plant, record, marks, index, share):
     for p in range(count):
         i = index[p]
         h = record[i + 1, 0] - record[i, 0]
-        solution(record, i, marks[i, breaks + m], share[p], n, y)
+        part = marks[i, breaks + m]
+        for q in range(n):
+            c, u = in_row(record, i, part, n, q), share[p] + first_of(part)
+            y[q], y[n + q] = value(c, u), slope(c, u) * (1.0 / h)
         segment = segment_at(plant, record[i, 0] + 0.5 * h)
         times[p] = record[i, 0] + share[p] * h
         base = base_motion(plant, times[p], segment)

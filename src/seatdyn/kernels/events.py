@@ -6,7 +6,7 @@ import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.jit import inlined, inner, stage, takes
-from seatdyn.kernels.plant import PLANT, relative, relative_acceleration, sum_of_laws
+from seatdyn.kernels.plant import AT_PLANT, relative, relative_acceleration, sum_of_laws
 from seatdyn.kernels.shapes import BASE, INTEGERS, REAL, VECTOR
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
@@ -137,12 +137,9 @@ def first_zero(b, tolerance):
     return low + s * size
 
 
-@takes(
-    PLANT, REAL, BASE, BASE, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL, REAL, VECTOR
-)
-@stage
-def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
-    """Earliest break met in the step: share of the step (2 if none), its row and channel.
+@inlined
+def first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
+    """Earliest break met in a step: share of the step (2 if none), its row and channel.
 
     b : (6,) scratch
     """
@@ -165,6 +162,16 @@ def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale
             if share < best:
                 best, row, channel = share, r, j
     return best, row, channel
+
+
+@takes(
+    AT_PLANT, REAL, BASE, BASE, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL, REAL,
+    VECTOR,
+)  # fmt: skip
+@stage
+def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
+    """The same, not compiled into its callers."""
+    return first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b)
 
 
 @inner
@@ -229,7 +236,7 @@ def one_sided_forces(plant, r, j, y, base, side):
     return sum_of_laws(plant, j, d_low, v_low), sum_of_laws(plant, j, d_high, v_high)
 
 
-@takes(PLANT, VECTOR, BASE, VECTOR, INTEGERS)
+@takes(AT_PLANT, VECTOR, BASE, VECTOR, INTEGERS)
 @stage
 def sides_of(plant, y, base, acceleration, side):
     """Set the side of every break from the state: by value, then velocity, then acceleration."""

@@ -14,11 +14,11 @@ from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
 from seatdyn.kernels.events import beside_jump, leave, one_sided_forces, resting_on
 from seatdyn.kernels.jit import allocating, stage, takes
-from seatdyn.kernels.plant import FREE, PLANT, accelerations, base_motion, relative
+from seatdyn.kernels.plant import AT_PLANT, FREE, accelerations, base_motion, relative
 from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, VECTOR
 
 
-@takes(PLANT, REAL, INTEGER, VECTOR, INTEGERS, INTEGERS, VECTOR)
+@takes(AT_PLANT, REAL, INTEGER, VECTOR, INTEGERS, INTEGERS, VECTOR)
 @stage
 def held_margin(plant, t, segment, y, side, held, force):
     """Smallest distance of a holding force to the ends of its jump, and its channel."""
@@ -77,7 +77,7 @@ def held_element_forces(plant, j, y, base, side, r, force, result):
         result[e] += share * (above - result[e])
 
 
-@takes(PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGERS, INTEGERS, VECTOR)
+@takes(AT_PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGERS, INTEGERS, VECTOR)
 @stage
 def release(plant, t, segment, y, j, side, held, force):
     """Let channel j go to the side that its balancing force points to."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seatdyn.kernels.address import address_of
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import (
     ADDRESS,
@@ -272,6 +273,7 @@ def integrate(
     Returns status, events, sides at the end, a row of [t, state] and of sides per step, last the
     end.
     """
+    plant = address_of(plant)
     size, n = y0.size, plant.linear.shape[0]
     space = Space(
         np.empty(2 * n), np.empty(n), np.zeros(plant.gain.shape[0]), np.empty((7, size)),
@@ -414,6 +416,7 @@ def sample(plant, memory, record, marks, index, share):
     of the plant's elements and of those with states (p, e), the forces of the former at zero
     velocity and zeros for the latter (p, e), states (p, q), outside forces (p, l).
     """
+    plant = address_of(plant)
     count, size, n = index.size, record.shape[1] - 1, plant.linear.shape[0]
     elements, own = plant.elements.shape[0], memory.nodes.shape[0]
     space = Space(

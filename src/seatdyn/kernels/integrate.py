@@ -14,20 +14,27 @@ import math
 import numpy as np
 
 from seatdyn.kernels import exponential as ex
+from seatdyn.kernels.address import address_of, keep
 from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.kernels.dense import (
     FIRST_HALF,
-    SECOND_HALF,
     SINGLE,
     element_forces,
     sample,
     state_within,
 )
-from seatdyn.kernels.events import ROUNDING, break_tolerance, distance, find_event, sides_of
+from seatdyn.kernels.events import (
+    ROUNDING,
+    break_tolerance,
+    distance,
+    find_event,
+    first_event,
+    sides_of,
+)
 from seatdyn.kernels.holding import held_margin, release, try_to_hold
 from seatdyn.kernels.jit import allocating, inner, kernel, stage, takes
 from seatdyn.kernels.plant import (
-    PLANT,
+    AT_PLANT,
     accelerations,
     base_motion,
     is_holding,
@@ -46,6 +53,7 @@ START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
 FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 600, 1 / 300  # errors that allow a doubled step
+DOUBLE_TWICE = 1 / 300  # share of these that allows two doublings at once
 HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
 
@@ -57,67 +65,56 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@takes(
-    PLANT, REAL, TABLE, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL,
-    REAL, VECTOR,
-)  # fmt: skip
+@takes(AT_PLANT, REAL, REAL, REAL, ex.AT_WORK)
 @stage
-def first_break(plant, half, base, y, a0, ym, am, y1, a1, side, held, z_scale, v_scale, scratch):
+def first_break(plant, half, z_scale, v_scale, work):
     """Earliest break met in a ladder step, in half steps (2: none), its row and channel."""
-    start = (base[0, 0], base[0, 1], base[0, 2])
-    middle = (base[2, 0], base[2, 1], base[2, 2])
-    end = (base[4, 0], base[4, 1], base[4, 2])
-    share, row, channel = find_event(
-        plant, half, start, middle, y, ym, a0, am, side, held, z_scale, v_scale, scratch
-    )
-    if row >= 0:
-        return share, row, channel
-    share, row, channel = find_event(
-        plant, half, middle, end, ym, y1, am, a1, side, held, z_scale, v_scale, scratch
-    )
-    return (1.0 + share if row >= 0 else 2.0), row, channel
+    path, base = work.path, work.base
+    n2 = 2 * path.shape[1] // 3
+    for part in range(2):
+        start, end, b0, b1 = path[part], path[part + 1], base[2 * part], base[2 * part + 2]
+        share, row, channel = first_event(
+            plant, half, (b0[0], b0[1], b0[2]), (b1[0], b1[1], b1[2]), start[:n2], end[:n2],
+            start[n2:], end[n2:], work.side, work.held, z_scale, v_scale, work.six,
+        )  # fmt: skip
+        if row >= 0:
+            return part + share, row, channel
+    return 2.0, -1, -1
 
 
-@takes(
-    PLANT, REAL, REAL, INTEGER, VECTOR, VECTOR, VECTOR, REAL, INTEGER, INTEGER, INTEGERS, INTEGERS,
-    REAL, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
-)  # fmt: skip
+@takes(AT_PLANT, REAL, REAL, INTEGER, REAL, INTEGER, INTEGER, REAL, ex.AT_WORK)
 @stage
-def cut(
-    plant, t, half, segment, y0, a0, result, reach, row, channel, side, held, tolerance, y_end,
-    y_middle, acceleration, force, force0,
-):  # fmt: skip
+def cut(plant, t, half, segment, reach, row, channel, tolerance, work):
     """End a ladder step after `reach` half steps, or on break `row` nearby (-1: none).
 
-    `result` becomes that of the shorter step and `force0` what acts at its end; returns the reach.
-    The arrays between are scratch.
+    What the work says of the step becomes that of the shorter one; returns the reach.
     """
-    n = a0.size
-    ym, am = result[: 2 * n], result[2 * n : 3 * n]
-    y1, a1 = result[3 * n : 5 * n], result[5 * n : 6 * n]
+    path, spare, side, held = work.path, work.spare, work.side, work.held
+    n2 = 2 * path.shape[1] // 3
+    end, middle = spare[0], spare[1]
     for _ in range(CORRECTIONS):
-        state_within(half, reach - 1.0, y0, a0, ym, am, y1, a1, y_end)
+        state_within(half, reach - 1.0, path, end)
         base = base_motion(plant, t + reach * half, segment)
-        accelerations(plant, base, y_end, side, held, acceleration, force0)
+        accelerations(plant, base, end[:n2], side, held, end[n2:], work.force)
         if row < 0:
             break
         # the polynomial that found the break was less accurate
-        g, slope = distance(plant, row, channel, y_end, base, acceleration, side)
+        g, slope = distance(plant, row, channel, end[:n2], base, end[n2:], side)
         better = reach - g / (slope * half)
         if abs(g) <= tolerance or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0:
             break
         reach = better
-    state_within(half, 0.5 * reach - 1.0, y0, a0, ym, am, y1, a1, y_middle)
-    copy(y_end, y1)
-    copy(acceleration, a1)
-    copy(y_middle, ym)
+    state_within(half, 0.5 * reach - 1.0, path, middle)
+    copy(end, path[2])
+    copy(middle, path[1])
     base = base_motion(plant, t + 0.5 * reach * half, segment)
-    accelerations(plant, base, ym, side, held, am, force)
+    # `before` is free: the next step cannot be guessed from this one
+    accelerations(plant, base, path[1, :n2], side, held, path[1, n2:], work.before[0])
     return reach
 
 
 @takes(
-    PLANT, REAL, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR, INTEGER,
+    AT_PLANT, REAL, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR, INTEGER,
     INTEGER, REAL,
 )  # fmt: skip
 @stage
@@ -148,7 +145,7 @@ def land(plant, t, trial, high, segment, y, k, side, held, y1, force, row, chann
     return h
 
 
-@takes(PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGER, INTEGERS, INTEGERS, REAL, VECTOR)
+@takes(AT_PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGER, INTEGERS, INTEGERS, REAL, VECTOR)
 @stage
 def pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force):
     """Go over to the other side of a break, or rest on it."""
@@ -184,6 +181,26 @@ def save_step(record, marks, i, t, y, a0, a1, side, held, part):
     marks[i, side.size + held.size] = part
 
 
+@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, ex.AT_WORK)
+@stage
+def save_halves(record, marks, i, t, half, work):
+    """Write the two halves of a ladder step as steps i and i + 1."""
+    path, side, held = work.path, work.side, work.held
+    n2 = 2 * path.shape[1] // 3
+    for part in range(2):
+        row, mark, start, end = record[i + part], marks[i + part], path[part], path[part + 1]
+        row[0] = t + part * half
+        for q in range(start.size):
+            row[1 + q] = start[q]
+        for q in range(n2, end.size):
+            row[1 + n2 // 2 + q] = end[q]
+        for q in range(side.size):
+            mark[q] = side[q]
+        for q in range(held.size):
+            mark[side.size + q] = held[q]
+        mark[side.size + held.size] = FIRST_HALF + part
+
+
 @kernel
 def integrate(
     plant,
@@ -209,31 +226,31 @@ def integrate(
     and a last row with the final time and state; and marks, a row each with sides (b) and held
     breaks (m).
     """
+    plant, ladder = address_of(plant), address_of(ladder)
     n, m, breaks = plant.linear.shape[0], plant.gain.shape[0], side.size
-    capacity = 256
+    capacity = 64 + int(min(2.5 * (t1 - t0) / h_max, 4096.0))  # as a run of few events needs
     record = np.empty((capacity, 1 + 4 * n))
     marks = np.empty((capacity, breaks + m + 1), np.int64)
 
-    y, a0 = y0.copy(), np.zeros(n)
-    work, scratch = ex.make_work(ladder), np.empty(6)
-    base, result = work.base, work.result
-    ym, am = result[: 2 * n], result[2 * n : 3 * n]
-    y1, a1 = result[3 * n : 5 * n], result[5 * n : 6 * n]
-    y_end, y_middle, a_end = np.empty(2 * n), np.empty(2 * n), np.empty(n)
-    force, force0 = np.zeros(m), np.zeros(m)
+    arrays = ex.make_work(ladder, y0, side, held)
+    work = address_of(arrays)
+    start, end = arrays.path[0], arrays.path[2]
+    y, a0 = start[: 2 * n], start[2 * n :]
+    side, held, force0 = arrays.side, arrays.held, arrays.force
+    y_end, force, scratch = np.empty(2 * n), np.zeros(m), np.empty(6)
     k = np.empty((7, 2 * n))
     a_rk = k[6, n:]
-    side, held = side.copy(), held.copy()
     t = t0
     segment = segment_at(plant, t)
     if breaks and side[0] == 0:
         # once by value and velocity, once more with the accelerations of these sides
         side[:] = 1
         for _ in range(2):
-            start = base_motion(plant, t, segment)
-            sides_of(plant, y, start, a0, side)
-            accelerations(plant, start, y, side, held, a0, force0)
+            base = base_motion(plant, t, segment)
+            sides_of(plant, y, base, a0, side)
+            accelerations(plant, base, y, side, held, a0, force0)
 
+    segments, sizes = plant.segments, ladder.step
     steps, events, status, flips = np.int64(0), 0, OK, 0
     window, in_window = t, 0
     z_scale, v_scale = z_floor, v_floor
@@ -250,12 +267,12 @@ def integrate(
     rk_until = -np.inf  # Dormand-Prince steps up to here
     fresh = True  # accelerations at the start have to be computed
     while t < t1:
-        if segment + 1 < plant.segments.shape[0] and t >= plant.segments[segment + 1, 0]:
+        if segment + 1 < segments.shape[0] and t >= segments[segment + 1, 0]:
             segment += 1
             fresh, level_before = True, -1
         stop = t1
-        if segment + 1 < plant.segments.shape[0]:
-            stop = min(t1, plant.segments[segment + 1, 0])
+        if segment + 1 < segments.shape[0]:
+            stop = min(t1, segments[segment + 1, 0])
         instant = ROUNDING * max(abs(t), 1.0)
         if stop - t <= instant:
             t = stop
@@ -283,13 +300,12 @@ def integrate(
         at_once = False  # it is met at the very start
         if use_ladder and not holding and t >= rk_until:
             fit = level
-            while fit > 0 and ladder.step[fit - 1] >= stop - t - instant:
+            while fit > 0 and sizes[fit - 1] >= stop - t - instant:
                 fit -= 1
-            half = 0.5 * ladder.step[fit]
+            half = 0.5 * sizes[fit]
             iterations, truncation, gap = ex.ladder_step(
-                plant, ladder, fit, level_before, t, segment, y, a0, force0, side, z_tolerance,
-                v_tolerance, work,
-            )  # fmt: skip
+                plant, ladder, fit, level_before, t, segment, z_tolerance, v_tolerance, work
+            )
             if not max(truncation, gap) <= 1.0:
                 hopeless = iterations == 0 or truncation > HOPELESS
                 level, patience, level_before = fit - 1, PATIENCE, -1
@@ -298,9 +314,7 @@ def integrate(
                 continue
             reach = 2.0  # half steps
             if breaks:
-                reach, row, channel = first_break(
-                    plant, half, base, y, a0, ym, am, y1, a1, side, held, z_scale, v_scale, scratch
-                )
+                reach, row, channel = first_break(plant, half, z_scale, v_scale, work)
                 if row >= 0 and reach * half <= instant:
                     at_once = flips <= 2 * breaks
                     if not at_once:  # going along a break: either branch gives the same motion
@@ -310,30 +324,23 @@ def integrate(
             if not at_once:
                 if reach < 2.0:
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
-                    reach = cut(
-                        plant, t, half, segment, y, a0, result, reach, row, channel, side, held,
-                        near, y_end, y_middle, a_end, force, force0,
-                    )  # fmt: skip
+                    reach = cut(plant, t, half, segment, reach, row, channel, near, work)
                     level_before = -1
                 else:
-                    ex.keep_forces(work, force0)
+                    ex.keep_forces(work)
                     level_before = fit
                 h = reach * half
-                save_step(record, marks, steps, t, y, a0, am, side, held, FIRST_HALF)
-                save_step(
-                    record, marks, steps + 1, t + 0.5 * h, ym, am, a1, side, held, SECOND_HALF
-                )
+                save_halves(record, marks, steps, t, 0.5 * h, work)
                 steps += 2
-                copy(y1, y)
-                copy(a1, a0)
+                copy(end, start)
                 t = stop if stop - (t + h) <= instant else t + h
                 patience -= 1
-                easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
-                easy = easy and iterations <= FEW_ITERATIONS and patience <= 0
+                ease = max(gap / DOUBLE_INTERPOLATION, truncation / DOUBLE_TRUNCATION)
+                easy = ease < 1.0 and iterations <= FEW_ITERATIONS and patience <= 0
                 if hopeless and level > 0:
                     level -= 1  # what stopped the longer step lies in its second half
-                elif easy and fit == level and level + 1 < ex.LEVELS:
-                    level += 1
+                elif easy and fit == level:
+                    level = min(level + (2 if ease < DOUBLE_TWICE else 1), ex.LEVELS - 1)
                 hopeless = False
         else:
             level_before = -1
@@ -404,7 +411,8 @@ def integrate(
         else:
             pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force)
     save_step(record, marks, steps, t, y, a0, a0, side, held, SINGLE)
-    return status, events, side, held, record[: steps + 1].copy(), marks[: steps + 1].copy()
+    keep(arrays)
+    return status, events, side, held, record[: steps + 1], marks[: steps + 1]
 
 
 SHARES = Shares(
@@ -415,6 +423,7 @@ SHARES = Shares(
         ex.ladder_step,
         ex.keep_forces,
         save_step,
+        save_halves,
         rk_error,
         sides_of,
         ex.make_work,

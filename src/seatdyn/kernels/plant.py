@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from seatdyn.kernels.address import Address
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import (
     ADDRESS,
@@ -49,6 +50,7 @@ class Plant(NamedTuple):
 PLANT = types.NamedTuple(
     [TABLE, TABLE, TABLE, INTEGER_TABLE, INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE], Plant
 )
+AT_PLANT = Address(PLANT)
 
 
 @inlined
@@ -72,7 +74,7 @@ def segment_motion(plant, t, k):
     return x, v, a
 
 
-@takes(PLANT, REAL, INTEGER)
+@takes(AT_PLANT, REAL, INTEGER)
 @stage
 def base_motion(plant, t, segment):
     """Base displacement, velocity and acceleration."""
@@ -130,11 +132,11 @@ def on_side(plant, j, d, v, side):
 @inlined
 def sum_of_laws(plant, j, d, v):
     """Sum of the forces of the elements of channel j."""
-    total = 0.0
-    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-        total += call_law(
-            plant.elements[e, ADDRESS], d, v, plant.parameters, plant.elements[e, OFFSET]
-        )
+    elements, parameters = plant.elements, plant.parameters
+    first, total = plant.channels[j, ELEMENTS], 0.0
+    for e in range(first, plant.channels[j + 1, ELEMENTS]):
+        force = call_law(elements[e, ADDRESS], d, v, parameters, elements[e, OFFSET])
+        total = force if e == first else total + force  # most channels have one: nothing to add
     return total
 
 
@@ -152,20 +154,16 @@ def channel_force(plant, j, d, v, side):
         # a law that jumps may not be asked for its value at the jump
         if side[r] * g < 0.0 or (g == 0.0 and plant.breaks[r, IS_JUMP] == 1):
             beyond, excess = r, g
-    points, d_out, v_out = 1, 0.0, 0.0
-    if beyond >= 0:
-        points = 2
-        p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
-        d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
-        d, v = d - 2 * d_out, v - 2 * v_out
-    # the law here; beyond a break minus the law at the reflected point, plus twice that on it
-    total, sign = 0.0, 1.0 - 2.0 * (points - 1)
-    for i in range(points):
-        x, w = d + i * d_out, v + i * v_out
-        if beyond >= 0:
-            x, w = on_side(plant, j, x, w, side)
+    if beyond < 0:
+        return sum_of_laws(plant, j, d, v)
+    p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
+    d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
+    # twice the law on the break minus the law at the reflected point
+    total, sign = 0.0, 2.0
+    for i in range(1, 3):
+        x, w = on_side(plant, j, d - i * d_out, v - i * v_out, side)
         total += sign * sum_of_laws(plant, j, x, w)
-        sign = 2.0
+        sign = -1.0
     return total
 
 
@@ -241,7 +239,7 @@ def free_accelerations(plant, base, y, side, acceleration, force):
             acceleration[i] -= plant.pull[i, j] * force[j]
 
 
-@takes(PLANT, BASE, VECTOR, INTEGERS, INTEGERS, VECTOR, VECTOR)
+@takes(AT_PLANT, BASE, VECTOR, INTEGERS, INTEGERS, VECTOR, VECTOR)
 @stage
 def accelerations(plant, base, y, side, held, acceleration, force):
     """The same with the channels that are held at a jump kept where they are."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seatdyn.kernels.jit import stage, takes
-from seatdyn.kernels.plant import PLANT, accelerations, base_motion
+from seatdyn.kernels.plant import AT_PLANT, accelerations, base_motion
 from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, TABLE, VECTOR
 
 C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
@@ -23,7 +23,7 @@ A = np.array(
 E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-@takes(PLANT, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR)
+@takes(AT_PLANT, REAL, REAL, INTEGER, VECTOR, TABLE, INTEGERS, INTEGERS, VECTOR, VECTOR)
 @stage
 def rk_step(plant, t, h, segment, y, k, side, held, y1, force):
     """One step from y; k (7, 2N) has its first row set, gets the others; fills y1 and force."""
