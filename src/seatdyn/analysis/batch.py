@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from seatdyn.analysis.balance import (
     solve,
     spaces,
 )
+from seatdyn.analysis.balance_many import balance_many
 from seatdyn.analysis.members import Members
 from seatdyn.analysis.outputs import output_unit
 from seatdyn.analysis.parameters import require_known, with_parameters
@@ -29,10 +30,13 @@ from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.orbit import HIGH, LOW
 from seatdyn.model.excitation import Sine
 from seatdyn.model.system import SeatSystem
-from seatdyn.units import number
+from seatdyn.units import number, suggestion
 
 if TYPE_CHECKING:
     import xarray as xr
+
+ALL = slice(None)
+FEWEST_TOGETHER = 16  # sets from which on it pays to compile what solves several at once
 
 
 def steady_states(
@@ -42,10 +46,12 @@ def steady_states(
     *,
     tolerance: float = 1e-6,
     stability: bool = True,
+    outputs: Sequence[str] | None = None,
 ) -> xr.Dataset:
     """Steady states by harmonic balance for many sets of parameters.
 
-    A set that fails is a row with its status; its numbers are NaN.
+    A set that fails is a row with its status; its numbers are NaN. Sets of smooth laws whose
+    stability is not asked for are solved several at once, and those that this leaves one by one.
 
     Parameters
     ----------
@@ -56,6 +62,7 @@ def steady_states(
     tolerance : of the error estimate, relative to the amplitude of each output
     stability : work out the largest Floquet multiplier, too; without it a motion that sticks at a
         jump, or grazes it, is not found out
+    outputs : names of those wanted, all if None; few take less time
 
     Returns
     -------
@@ -66,7 +73,7 @@ def steady_states(
     Raises
     ------
     RequestError
-        An unknown parameter, or arrays of different lengths.
+        An unknown parameter or output, or arrays of different lengths.
 
     Examples
     --------
@@ -89,23 +96,32 @@ def steady_states(
     columns = _columns(system, excitation, parameters)
     size = len(next(iter(columns.values())))
     names = output_names(system)
-    amplitude = np.full((size, len(names)), np.nan)
+    wanted = _places(names, outputs)
+    names = [names[o] for o in wanted]
+    amplitude = np.full((size, len(wanted)), np.nan)
     error, largest = np.full(size, np.nan), np.full(size, np.nan)
     status = np.full(size, str(Status.CONVERGED), dtype=object)
-    message = np.full(size, "", dtype=object)
+    message = np.full(size, Status.CONVERGED.message, dtype=object)
     members = Members(system, excitation, columns)
     if members.known.any():
-        space = spaces(system, output_rows(system)[1], MOST_SAMPLES)
+        rows = output_rows(system)[1][wanted]
+        space = spaces(system, rows, MOST_SAMPLES)
     with CompileNotice(BALANCE), interruptible():
-        for p in range(size):
+        together = np.nonzero(members.known)[0]
+        if not stability and len(together) >= FEWEST_TOGETHER and members.smooth:
+            many = members.many(together, wanted)
+            amplitude[together], error[together] = balance_many(many, tolerance)
+        for p in map(int, np.nonzero(np.isnan(error))[0]):
             try:
                 if members.known[p]:
-                    found = solve(system, *members[p], names, *space, tolerance)
+                    problem, rows = members[p]
+                    found = solve(system, problem, rows[wanted], names, *space, tolerance)
+                    those: Any = ALL
                 else:
                     values = {name: float(column[p]) for name, column in columns.items()}
                     own = balance(*with_parameters(system, excitation, values), tolerance)
                     assert own is not None
-                    found = own
+                    found, those = own, wanted
             except SeatdynError as reason:
                 status[p], message[p] = "refused", str(reason)
                 continue
@@ -116,7 +132,8 @@ def steady_states(
             status[p], message[p] = str(how), how.message
             error[p] = found.error
             if how.valid:
-                amplitude[p] = (found.look.extrema[HIGH] - found.look.extrema[LOW]) / 2
+                swing = (found.look.extrema[HIGH] - found.look.extrema[LOW]) / 2
+                amplitude[p] = swing[those]
                 largest[p] = abs(multipliers[0]) if how is Status.CONVERGED else np.nan
     data = xr.Dataset(
         {
@@ -139,6 +156,16 @@ def steady_states(
         "inputs": json.dumps({"system": repr(system), "excitation": repr(excitation)}),
     }
     return data
+
+
+def _places(names: list[str], outputs: Sequence[str] | None) -> list[int]:
+    """Places of the outputs wanted among all names."""
+    if outputs is None:
+        return list(range(len(names)))
+    for output in outputs:
+        if output not in names:
+            raise RequestError(f"No output is called {output!r}. {suggestion(output, names)}")
+    return [names.index(output) for output in outputs]
 
 
 def _columns(

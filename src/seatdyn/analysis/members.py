@@ -1,26 +1,30 @@
 """Many sets of parameters as arrays: each lowered without a system of its own.
 
 Masses, springs, dampers and gains enter the matrices, and the outputs, as a number times a matrix.
-So two systems tell that matrix, and all members follow at once; only the laws are asked for every
-member, for they turn their fields into parameters and breaks themselves.
+So two systems tell that matrix, and all members follow at once. Most laws depend on the fields of
+their element in that way, too; a law that does not is asked for every member.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.balance import LOOSE, condense, output_rows
+from seatdyn.analysis.balance_many import Many
+from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import unique_names
 from seatdyn.analysis.parameters import FREQUENCY, LEVEL, SEAT_MASS, with_parameters
 from seatdyn.errors import ModelError
-from seatdyn.kernels.columns import FIRST, OFFSET, SECOND
+from seatdyn.kernels.columns import FIRST, IS_JUMP, OFFSET, ON_DISPLACEMENT, SECOND, VALUE
 from seatdyn.kernels.condensed import Condensed
+from seatdyn.kernels.jit import rows_law_address
 from seatdyn.model.elements import LinearElement, NonlinearElement
 from seatdyn.model.excitation import Sine
 from seatdyn.model.seat import Seat
@@ -29,6 +33,20 @@ from seatdyn.units import ACCELERATION
 from seatdyn.units import FREQUENCY as FREQUENCIES
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+MOST_FIELDS = 3  # of an element whose law is looked at in the corners of their ranges
+AFFINE = 1e-13  # of a parameter, by which it may miss
+
+
+class Numbers(NamedTuple):
+    """What a law says of itself in numbers: parameters, the values of its breaks, if it is known.
+
+    Of several members with a leading axis.
+    """
+
+    parameters: Array
+    breaks: Array
+    known: Any
 
 
 class Members:
@@ -59,7 +77,7 @@ class Members:
         if np.any(base.shift):
             self.known[:] = False
             return
-        self._base, self._excitation = base, pair[1]
+        self._base, self._system, self._excitation = base, *pair
         self._set_laws(pair[0])
         self._set_matrices(*pair)
 
@@ -100,27 +118,15 @@ class Members:
             if own and isinstance(element, NonlinearElement):
                 changing.append((element, place[id(element)], own))
         alone = len(order) == 1 or not base.breaks.size
-        for p in np.nonzero(self.known)[0]:
-            for element, i, own in changing:
-                try:
-                    changed = replace(element, **{k: float(v[p]) for k, v in own.items()})
-                except ModelError:
-                    self.known[p] = False
-                    continue
-                law, before = changed.lower(), element.lower()
-                same = law.function is before.function and len(law.breaks) == len(before.breaks)
-                kept = len(law.parameters) == len(before.parameters) and (
-                    alone or law.breaks == before.breaks
-                )
-                if not (same and kept):
-                    self.known[p] = False
-                    continue
-                start = int(base.elements[i, OFFSET])
-                self._parameters[p, start : start + len(law.parameters)] = law.parameters
-                if alone and law.breaks:
-                    self._breaks[p] = [
-                        (b.displacement, b.velocity, b.value, b.jumps) for b in law.breaks
-                    ]
+        for element, i, own in changing:
+            known = np.nonzero(self.known)[0]
+            found = member_numbers(element, {key: values[known] for key, values in own.items()})
+            same = np.all(found.breaks == numbers_of(element).breaks, axis=1)
+            self.known[known] = found.known & (same | alone)
+            start = int(base.elements[i, OFFSET])
+            self._parameters[known, start : start + found.parameters.shape[1]] = found.parameters
+            if alone and found.breaks.size:
+                self._breaks[known, :, VALUE] = found.breaks
 
     def _set_matrices(self, system: SeatSystem, excitation: Sine) -> None:
         """Matrices of every member, as in `lower` and `condense`."""
@@ -156,12 +162,37 @@ class Members:
         self._later_pull = np.stack(later, axis=1)
         self._later_gain = incidence[:n].T @ self._later_pull
 
+    @property
+    def smooth(self) -> bool:
+        """Whether no law breaks but, without jump, where a velocity is zero.
+
+        That happens twice a period; a stop may be met between two samples only.
+        """
+        breaks = self._base.breaks
+        return not np.any(breaks[:, [ON_DISPLACEMENT, VALUE, IS_JUMP]])
+
+    def many(self, which: Integers, outputs: Sequence[int]) -> Many:
+        """Known members side by side, to be asked for some of their outputs."""
+        base, size = self._base, len(which)
+        ratio, level = (self._scale(name, which) for name in (FREQUENCY, LEVEL))
+        system, motion = self._system, self._excitation.motion
+        return Many(
+            self._linear[which], self._pull[which],
+            base.base * (level / ratio**2)[:, None], base.omega * ratio * np.ones(size),
+            self._parameters[which], self._rows[which][:, outputs], base.channels,
+            lower(system, motion, address=rows_law_address).elements,
+        )  # fmt: skip
+
+    def _scale(self, name: str, which: Integers | int) -> Any:
+        """Frequency or level of members in terms of those of the base motion lowered."""
+        own = {FREQUENCY: self._excitation.frequency, LEVEL: self._excitation.peak}[name]
+        column = self._columns.get(name, np.full(self._size, own))
+        return column[which] / own
+
     def __getitem__(self, p: int) -> tuple[Condensed, Array]:
         """Problem and outputs of a known member."""
-        base, columns = self._base, self._columns
-        frequency = self._excitation.frequency
-        ratio = columns[FREQUENCY][p] / frequency if FREQUENCY in columns else 1.0
-        level = columns[LEVEL][p] / self._excitation.peak if LEVEL in columns else 1.0
+        base = self._base
+        ratio, level = self._scale(FREQUENCY, p), self._scale(LEVEL, p)
         problem = base._replace(
             linear=self._linear[p],
             pull=self._pull[p],
@@ -175,6 +206,68 @@ class Members:
             omega=base.omega * ratio,
         )
         return problem, self._rows[p]
+
+
+def numbers_of(element: NonlinearElement) -> Numbers:
+    """Numbers of the law of an element."""
+    law = element.lower()
+    breaks = np.array([spot.value for spot in law.breaks])
+    return Numbers(np.array(law.parameters), breaks, np.bool_(True))
+
+
+def changed_numbers(element: NonlinearElement, values: Mapping[str, float]) -> Numbers | None:
+    """The same with other fields; None where these are refused or make another law of it."""
+    try:
+        changed = replace(element, **dict[str, Any](values))
+    except ModelError:
+        return None
+    law, before = changed.lower(), element.lower()
+    kinds = [[(b.displacement, b.velocity, b.jumps) for b in each.breaks] for each in (law, before)]
+    same = law.function is before.function and len(law.parameters) == len(before.parameters)
+    return numbers_of(changed) if same and kinds[0] == kinds[1] else None
+
+
+def member_numbers(element: NonlinearElement, values: Mapping[str, Array]) -> Numbers:
+    """Numbers (p, .) of the law of an element with fields (p,)."""
+    found = affine_numbers(element, values)
+    if found is not None:
+        return found
+    sets = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
+    changed = [changed_numbers(element, {k: float(v) for k, v in own.items()}) for own in sets]
+    before = numbers_of(element)._replace(known=np.bool_(False))
+    return Numbers(*(np.array(each) for each in zip(*(c or before for c in changed), strict=True)))
+
+
+def affine_numbers(element: NonlinearElement, values: Mapping[str, Array]) -> Numbers | None:
+    """The same where every number is a sum of multiples of the fields, else None.
+
+    A law of ours is asked in the corners and in the middle of the ranges of its fields.
+    """
+    if len(values) > MOST_FIELDS or not type(element).__module__.startswith("seatdyn."):
+        return None
+    ends = {key: (float(column.min()), float(column.max())) for key, column in values.items()}
+    spots = [dict(zip(ends, spot, strict=True)) for spot in itertools.product(*ends.values())]
+    spots.append({key: (low + high) / 2 for key, (low, high) in ends.items()})
+    asked = [changed_numbers(element, spot) for spot in spots]
+    found = [numbers for numbers in asked if numbers is not None]
+    if len(found) < len(spots):
+        return None
+
+    def terms(fields: Mapping[str, Array]) -> Array:
+        """One, and how far every field is on its way from end to end."""
+        rows = [np.ones_like(next(iter(fields.values())))]
+        rows += [(fields[k] - low) / (high - low) for k, (low, high) in ends.items() if high > low]
+        return np.array(rows).T
+
+    known = terms({key: np.array([spot[key] for spot in spots]) for key in ends})
+    result = []
+    for exact in (np.array([n.parameters for n in found]), np.array([n.breaks for n in found])):
+        weights = np.linalg.lstsq(known, exact, rcond=None)[0]
+        if np.any(np.abs(known @ weights - exact) > AFFINE * np.abs(exact).max(axis=0)):
+            return None
+        own = terms(values) @ weights
+        result.append(np.where(np.ptp(exact, axis=0) > 0.0, own, exact[0]))
+    return Numbers(result[0], result[1], np.full(len(result[0]), True))
 
 
 def _matrices(system: SeatSystem) -> tuple[Array, ...]:

@@ -222,6 +222,24 @@ def _over_lanes(function: Callable[[float, float, Any], float]) -> Callable[...,
     return law
 
 
+@functools.cache
+def _over_rows(function: Callable[[float, float, Any], float]) -> Callable[..., None]:
+    """The same for members with parameters of their own: number i of all, then i + 1, ..."""
+    plain, carray = _jitable(function), numba.carray  # type: ignore[attr-defined]
+
+    def law(count: int, d: Any, v: Any, p: Any, force: Any) -> None:
+        table = carray(p, (1, count))  # as many lines as there are parameters
+        for member in range(count):
+            force[member] += plain(d[member], v[member], table[:, member])
+
+    place = function.__code__
+    law.__code__ = law.__code__.replace(
+        co_filename=place.co_filename, co_firstlineno=place.co_firstlineno
+    )
+    law.__module__ = function.__module__
+    return law
+
+
 def law_address(function: Callable[..., Any], name: str, signature: Any = LAW) -> int:
     """Address of the compiled force law."""
     return int(compiled_law(function, name, signature).address)
@@ -230,6 +248,11 @@ def law_address(function: Callable[..., Any], name: str, signature: Any = LAW) -
 def lanes_law_address(function: Callable[[float, float, Any], float], name: str) -> int:
     """Address of the compiled law that adds the forces of many members at once."""
     return law_address(_over_lanes(function), name, LANES_LAW)
+
+
+def rows_law_address(function: Callable[[float, float, Any], float], name: str) -> int:
+    """Address of the compiled law that adds the forces of many members, see `_over_rows`."""
+    return law_address(_over_rows(function), f"{name} of rows", LANES_LAW)
 
 
 class CompileNotice(event.Listener):

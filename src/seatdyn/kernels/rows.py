@@ -1,0 +1,147 @@
+"""A number of several members at once: a row, which numba code uses as if it were one number.
+
+`load` and `store` move rows from and to arrays whose last axis is as long as a row; between them
+the usual operators work on all members with one instruction. So a kernel is written as for one
+member, but for choices, which `larger_of` and `where_larger` make for each member.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+WIDTH = 8  # members of a row
+VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+ALIGNMENT = 8  # bytes: numba promises no more
+
+
+class Row(types.Type):
+    """Type of a row."""
+
+    def __init__(self) -> None:
+        """Name it."""
+        super().__init__(name="Row")
+
+
+ROW = Row()
+
+
+@register_model(Row)
+class RowModel(models.PrimitiveModel):  # type: ignore[misc]
+    """How it is kept: in one register."""
+
+    def __init__(self, manager: Any, kind: Any) -> None:
+        """Tell the type of the register."""
+        super().__init__(manager, kind, VECTOR)
+
+
+def _spread(builder: Any, value: Any) -> Any:
+    """A row with the same number for all."""
+    if value.type == VECTOR:
+        return value
+    empty = ir.Constant(VECTOR, ir.Undefined)
+    one = builder.insert_element(empty, value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), None)
+    return builder.shuffle_vector(one, empty, zeros)
+
+
+def _binary(function: Any, emit: Callable[[Any, Any, Any], Any]) -> None:
+    """Let an operator work on two rows, or a row and a number."""
+    pairs = [(ROW, ROW), (ROW, types.float64), (types.float64, ROW)]
+
+    class Cases(ConcreteTemplate):
+        cases = [signature(ROW, *pair) for pair in pairs]
+
+    infer_global(function)(Cases)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return emit(builder, _spread(builder, args[0]), _spread(builder, args[1]))
+
+    for pair in pairs:
+        lower_builtin(function, *pair)(lower)
+
+
+CONTRACT = ("contract",)  # a product and a sum may be one instruction
+_binary(operator.add, lambda builder, a, b: builder.fadd(a, b, flags=CONTRACT))
+_binary(operator.sub, lambda builder, a, b: builder.fsub(a, b, flags=CONTRACT))
+_binary(operator.mul, lambda builder, a, b: builder.fmul(a, b, flags=CONTRACT))
+_binary(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
+
+
+def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+    if kind.layout != "C":
+        raise TypeError(f"{kind} must be contiguous, row by row")
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """Row `index` of an array of rows; its axes but the last count as one."""
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_place(context, builder, sig.args[0], *args), align=ALIGNMENT)
+
+    return ROW(array, types.int64), codegen
+
+
+@intrinsic
+def store(typingctx, array, index, value):
+    """Put a row, or the same number for all, into an array of rows."""
+
+    def codegen(context, builder, sig, args):
+        place = _place(context, builder, sig.args[0], args[0], args[1])
+        builder.store(_spread(builder, args[2]), place, align=ALIGNMENT)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, value), codegen
+
+
+@intrinsic
+def spread(typingctx, value):
+    """A row with the same number for all members."""
+    return ROW(types.float64), lambda context, builder, sig, args: _spread(builder, args[0])
+
+
+@intrinsic
+def where_larger(typingctx, a, b, yes, no):
+    """For each member `yes` where a > b, else `no`."""
+
+    def codegen(context, builder, sig, args):
+        a, b, yes, no = (_spread(builder, value) for value in args)
+        return builder.select(builder.fcmp_ordered(">", a, b), yes, no)
+
+    return ROW(a, b, yes, no), codegen
+
+
+@intrinsic
+def any_larger(typingctx, a, b):
+    """Whether a > b for any member."""
+
+    def codegen(context, builder, sig, args):
+        a, b = (_spread(builder, value) for value in args)
+        flags = builder.fcmp_ordered(">", a, b)
+        packed = builder.bitcast(flags, ir.IntType(WIDTH))
+        return builder.icmp_unsigned("!=", packed, ir.Constant(ir.IntType(WIDTH), 0))
+
+    return types.boolean(a, b), codegen
+
+
+@intrinsic
+def root_of(typingctx, a):
+    """Square root of a row."""
+
+    def codegen(context, builder, sig, args):
+        sqrt = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(VECTOR, [VECTOR]), f"llvm.sqrt.v{WIDTH}f64"
+        )
+        return builder.call(sqrt, args)
+
+    return ROW(a), codegen
