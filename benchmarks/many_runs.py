@@ -3,10 +3,10 @@
 Mass, stiffness and damping of the seat and the strength of the law are drawn at random (seed
 printed) about the paper's seat; the base moves with 1.55 Hz, 0.8857 m/s2. All give the amplitude of
 the travel. Ours is one call of `steady_states`: harmonic balance, sets of smooth laws several at
-once. The peers run 30 s in time, as long as the transient lasts: SciPy's best solver on a sample of the sets,
-heyoka's batch mode, where it can be imported, on more of them. Each peer uses the cheapest
-tolerance whose travel is right to 1e-5 for all of its sample; the reference is our time integration
-at 1e-11. Processor times, one thread, of one set.
+once. The peers run 30 s in time, as long as the transient lasts: SciPy's best solver on a sample of
+the sets, heyoka's batch mode, where it can be imported, on more of them. Each peer uses the
+cheapest tolerance whose travel is right to 1e-5 for all of its sample; the reference is our time
+integration at 1e-11. Processor times, one thread, of one set.
 
     python benchmarks/many_runs.py [--rows FILE] [--sets N]
 """

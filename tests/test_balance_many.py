@@ -110,7 +110,7 @@ def test_a_linear_seat_is_the_transmissibility():
     for p in range(5):
         member = with_parameters(system, SINE, {key: float(x[p]) for key, x in sets.items()})
         found = sd.frequency_response(member[0], frequency=[member[1].frequency])
-        ratio = np.abs(found.transmissibility.sel(output="seat").values[0])
+        ratio = np.abs(found.transmissibility.sel(node="seat").values[0])
         got = amplitude[p, names.index("acc_seat")]
         np.testing.assert_allclose(got, ratio * member[1].peak, rtol=1e-10)
 

@@ -36,7 +36,7 @@ from seatdyn.kernels.levels import (
     UNRESOLVED,
 )
 from seatdyn.kernels.rows import WIDTH
-from seatdyn.kernels.side_by_side import DEPTH, PAIRS, look, respond, settle
+from seatdyn.kernels.side_by_side import DEPTH, PAIRS, UNSURE, look, respond, settle
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -47,6 +47,7 @@ FEWEST, MOST = 64, 4096  # samples of a period
 TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
+STEEP_GAIN = 3.0  # of the change between two levels, where forces are steep
 STEEPER = 8.0  # than a sine of the same range: no smooth force is
 
 
@@ -99,12 +100,12 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
         found, left, leap = level.solve(series, newton)
         solved = np.isfinite(left)
         failures += ~solved
-        extrema = level.extrema()
+        extrema, unsure = level.extrema()
         # close enough, and with no force much steeper than a sine
         resolved, smooth = leap <= UNRESOLVED, leap <= STEEPER * np.pi / n
         extrema[~(solved & resolved)] = np.nan
         change = change_of(extrema, before, found, series)
-        estimate = estimate_of(change, change_before, smooth, left)
+        estimate = np.maximum(unsure, estimate_of(change, change_before, smooth, left))
         done = estimate <= tolerance
         amplitude[place[done]] = (extrema[done, 0] - extrema[done, 1]) / 2
         error[place[done]] = estimate[done]
@@ -181,8 +182,11 @@ class Level:
         left[~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
         return self._members(series), self._members(left), self._members(leap)
 
-    def extrema(self) -> Array:
-        """Highest and lowest value (p, 2, o) of every output over the period."""
+    def extrema(self) -> tuple[Array, Array]:
+        """Highest and lowest value (p, 2, o) of every output over the period.
+
+        And how unsure they are for what is between the samples, relative to the amplitude (p,).
+        """
         many, n = self._many, self._n
         nodes, e = many.linear.shape[1], len(many.elements)
         # accelerations follow from the rest
@@ -197,14 +201,17 @@ class Level:
         matters = np.any(weights != 0.0, axis=0)
         used = np.nonzero(matters)[1]
         begins = np.concatenate([[0], np.cumsum(matters.sum(axis=1))])
-        extrema = np.empty((len(self._node), 2, weights.shape[1], WIDTH))
+        extrema = np.empty((len(self._node), 2 * UNSURE, weights.shape[1], WIDTH))
         look(
             self._node, self._force, self._forces, self._base, self._omega, in_rows(weights),
             used, begins, self._roots, extrema, self._lines,
             np.empty((self._node.shape[3], 2, WIDTH)),
             np.empty((weights.shape[2], n, WIDTH)), np.empty((n, WIDTH)),
         )  # fmt: skip
-        return self._members(extrema)
+        found, unsure = np.split(self._members(extrema), [UNSURE], axis=1)
+        swing, least = (found[:, 0] - found[:, 1]) / 2, ROUNDING * np.abs(found).max(axis=1)
+        unsure = unsure.max(axis=1) / np.maximum(swing, np.maximum(least, np.finfo(float).tiny))
+        return found, unsure.max(axis=1)
 
 
 def change_of(extrema: Array, before: Array, series: Array, series_before: Array) -> Array:
@@ -232,5 +239,6 @@ def estimate_of(change: Array, change_before: Array, smooth: Flags, left: Array)
     ratio = np.divide(change, before, out=np.ones_like(change), where=before > 0.0)
     known = smooth & (before > 0.0)
     gain = np.where(known, np.clip(SLOWING * ratio, LEAST_GAIN, MOST_GAIN), MOST_GAIN)
+    gain = np.where(smooth, gain, STEEP_GAIN)
     sudden = np.where(smooth, SUDDEN, SUDDEN_STEEP)
     return np.asarray(np.maximum(change * gain, sudden * before) + 4.0 * left + ROUNDING)

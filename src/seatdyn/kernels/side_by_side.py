@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, FIRST, OFFSET, SECOND
 from seatdyn.kernels.jit import inner, kernel, spliced
-from seatdyn.kernels.orbit import DOUBT
+from seatdyn.kernels.orbit import DOUBT, HIGH, LOW
 from seatdyn.kernels.rows import any_larger, load, root_of, spread, store, where_larger
 
 DEPTH = 4  # earlier steps that are mixed
@@ -25,6 +25,7 @@ TINY, REGULAR = 1e-300, 1e-14  # the latter of the squares of the steps: no equa
 NOISE = 1e-9  # of a force
 # places in the memory of steps: motion and step before, then pairs of changes of motion and step
 MOTION, STEP, BEFORE, PAIRS = 0, 1, 2, 3
+UNSURE = 2  # place among extrema, beside HIGH and LOW: how unsure they are
 
 
 @intrinsic
@@ -472,13 +473,14 @@ def settle(
             allowed = where_larger(high * SHARE_OF_HIGH, tolerance, high * SHARE_OF_HIGH, tolerance)
             # also where it is not a number
             store(left[g], 0, where_larger(size, allowed, math.inf, size))
-            if not any_larger(size, allowed) or taken + 1 == MOST_STEPS:
+            # one step at least: else a guess that is good enough would hide what is wrong with it
+            if taken > 0 and (not any_larger(size, allowed) or taken + 1 == MOST_STEPS):
                 store(leap[g], 0, largest_leap(total[g], n))
                 break
             equivalent_steps(
                 series[g], force[g], across[g], omega[g], count, past[STEP], slopes, matrix
             )
-            for i in range(2 * m * count):
+            for i in range(2 * m * count if taken > 0 else 0):
                 store(past[STEP], i, where_larger(size, allowed, load(past[STEP], i), 0.0))
             mix(series[g], past, taken, space, m, count)
 
@@ -518,18 +520,21 @@ def rises(bend, square, over_before, over_after, way):
 def find_peak(values, i, lane, extrema, o):
     """Widen extrema[:, o, lane] where a signal values[:, lane] has a peak at sample i.
 
+    By a quartic; what a parabola gives otherwise says how unsure that is.
+
     Not only at the highest sample: a lower one may be beside a higher peak.
     """
     n = values.shape[0]
     before, here, after = values[(i - 1) % n, lane], values[i, lane], values[(i + 1) % n, lane]
     if not (before < here >= after or before > here <= after):
         return
-    sign, way = (1.0, 0) if before < here else (-1.0, 1)
-    hope = DOUBT * (after - before) ** 2 / (8.0 * sign * (2.0 * here - before - after))
-    if sign * here + hope >= sign * extrema[way, o, lane]:
-        best = sign * refine_peak(values, i, lane, sign)
-        if sign * best > sign * extrema[way, o, lane]:
-            extrema[way, o, lane] = best
+    sign, way = (1.0, HIGH) if before < here else (-1.0, LOW)
+    rise = (after - before) ** 2 / (8.0 * sign * (2.0 * here - before - after))
+    if sign * here + DOUBT * rise >= sign * extrema[way, o, lane]:
+        best = refine_peak(values, i, lane, sign)
+        if best >= sign * extrema[way, o, lane]:
+            extrema[way, o, lane] = sign * best
+            extrema[UNSURE + way, o, lane] = abs(best - (sign * here + rise))
 
 
 @kernel
@@ -537,7 +542,7 @@ def look(
     node, force, forces, base, omega, weights, used, begins, roots, extrema, lines, series,
     columns, signal,
 ):  # fmt: skip
-    """Fill the extrema (G, 2, o, W) of the outputs.
+    """Fill the extrema (G, 4, o, W) of the outputs, and how unsure they are.
 
     weights : (G, o, C, W) of the columns z, v, the element forces, and u, u', u''
     used, begins : columns that matter, one output after the other, and where each begins (o + 1,)
@@ -601,8 +606,10 @@ def look(
                 change = where_larger(change, 0.0, change, change * -1.0)
                 leap = where_larger(change, leap, change, leap)
                 before = value
-            store(extrema[g, 0], o, high)
-            store(extrema[g, 1], o, low)
+            store(extrema[g, HIGH], o, high)
+            store(extrema[g, LOW], o, low)
+            store(extrema[g, UNSURE + HIGH], o, 0.0)
+            store(extrema[g, UNSURE + LOW], o, 0.0)
             for s in range(n):
                 here = load(signal, s)
                 # a parabola through a sample and two lower ones rises above it by less than this
