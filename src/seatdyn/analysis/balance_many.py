@@ -44,7 +44,7 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 FEWEST, MOST = 64, 4096  # samples of a period
-TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
+TOGETHER = 32 * WIDTH  # members of a level: their arrays stay small
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
 STEEP_GAIN = 3.0  # of the change between two levels, where forces are steep
@@ -94,9 +94,9 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
     series = np.zeros((size, m, 0, 2))
     before = np.full((size, 2, outputs), np.nan)
     change_before = np.full(size, np.inf)
-    n = FEWEST
+    n, level = FEWEST, None
     while place.size and n <= MOST:
-        level = Level(many, n)
+        level = Level(many, n, level)
         found, left, leap = level.solve(series, newton)
         solved = np.isfinite(left)
         failures += ~solved
@@ -110,7 +110,8 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
         amplitude[place[done]] = (extrema[done, 0] - extrema[done, 1]) / 2
         error[place[done]] = estimate[done]
         stay = np.nonzero(~done & (failures < PATIENCE) & ~np.isnan(left))[0]
-        many, place, failures = many.take(stay), place[stay], failures[stay]
+        if stay.size < place.size:
+            many, place, failures, level = many.take(stay), place[stay], failures[stay], None
         before, change_before, series = extrema[stay], change[stay], found[stay]
         n *= 2
     return amplitude, error
@@ -128,8 +129,8 @@ def in_rows(values: Array) -> Array:
 class Level:
     """Members with n samples of the period."""
 
-    def __init__(self, many: Many, n: int) -> None:
-        """Work out the linear motion."""
+    def __init__(self, many: Many, n: int, before: Level | None) -> None:
+        """Work out the linear motion, but what a level before has of the same members."""
         self._many, self._n, self._size = many, n, len(many.omega)
         groups, nodes, m = -(-self._size // WIDTH), *many.pull.shape[1:]
         count = n // OVERSAMPLING
@@ -139,9 +140,15 @@ class Level:
         self._base = in_rows(base)
         self._node = np.empty((groups, nodes, m + 1, count, 2, WIDTH))
         self._across = np.empty((groups, m, m + 1, count, 2, WIDTH))
-        self._doubt = np.zeros((groups, WIDTH))
+        self._doubt, known = np.zeros((groups, WIDTH)), 0
+        if before is not None:
+            known, self._doubt = before._node.shape[3], before._doubt
+            self._node[:, :, :, :known], self._across[:, :, :, :known] = (
+                before._node,
+                before._across,
+            )
         respond(
-            in_rows(many.linear), in_rows(many.pull), self._base, self._omega, many.channels,
+            in_rows(many.linear), in_rows(many.pull), self._base, self._omega, many.channels, known,
             self._node, self._across, self._doubt, np.empty((nodes, nodes + m + 1, 2, WIDTH)),
         )  # fmt: skip
         angle = 2 * np.pi * np.arange(n) / n
@@ -176,8 +183,8 @@ class Level:
             self._roots, tolerance, series, self._force, self._forces, self._total, left, leap,
             np.empty((PAIRS + 2 * DEPTH, m, count, 2, WIDTH)), self._lines,
             np.empty((2, m, n, WIDTH)), np.empty(q * n * WIDTH),
-            np.empty((DEPTH, DEPTH + 1, WIDTH)), np.empty((m, 2, WIDTH)),
-            np.empty((m, m + 1, 2, WIDTH)),
+            np.empty((DEPTH, DEPTH, WIDTH)), np.empty((DEPTH, DEPTH + 1, WIDTH)),
+            np.empty((m, 2, WIDTH)), np.empty((m, m + 1, 2, WIDTH)),
         )  # fmt: skip
         left[~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
         return self._members(series), self._members(left), self._members(leap)

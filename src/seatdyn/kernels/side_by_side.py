@@ -23,6 +23,7 @@ MOST_STEPS = 40  # of one level
 SHARE_OF_HIGH = 0.05  # of the higher harmonics: about what the samples leave out
 TINY, REGULAR = 1e-300, 1e-14  # the latter of the squares of the steps: no equation is singular
 NOISE = 1e-9  # of a force
+NEWTON_STEPS = 4  # to the top of a quartic
 # places in the memory of steps: motion and step before, then pairs of changes of motion and step
 MOTION, STEP, BEFORE, PAIRS = 0, 1, 2, 3
 UNSURE = 2  # place among extrema, beside HIGH and LOW: how unsure they are
@@ -53,8 +54,8 @@ def call_rows_law(typingctx, address, count, d, v, parameters, first, force, pla
 
 
 @kernel
-def respond(linear, pull, base, omega, channels, node, across, doubt, matrix):
-    """Fill the linear motion of nodes and across channels.
+def respond(linear, pull, base, omega, channels, first, node, across, doubt, matrix):
+    """Fill the linear motion of the harmonics from `first` on, of nodes and across channels.
 
     By elimination without pivoting, which is the same for all members; `doubt` (G, W) becomes the
     largest square of its factors.
@@ -68,7 +69,7 @@ def respond(linear, pull, base, omega, channels, node, across, doubt, matrix):
     m, width = columns - 1, n + columns
     for g in range(groups):
         largest = load(doubt[g], 0)
-        for k in range(count):
+        for k in range(first, count):
             w = load(omega[g], 0) * float(k)
             base_r, base_i = spread(0.0), spread(0.0)
             if k < base.shape[1]:
@@ -383,8 +384,11 @@ def solve_least(a, size):
 
 
 @inner
-def mix(series, past, taken, space, m, count):
-    """Go the step in past[STEP], mixed (Anderson) with the steps taken before."""
+def mix(series, past, taken, squares, space, m, count):
+    """Go the step in past[STEP], mixed (Anderson) with the steps taken before.
+
+    squares : (DEPTH, DEPTH, W), inner products of the changes of steps
+    """
     numbers = 2 * m * count
     known = min(taken, DEPTH)
     if taken > 0:
@@ -393,18 +397,20 @@ def mix(series, past, taken, space, m, count):
             fell = load(past[STEP], i) - load(past[BEFORE], i)
             store(past[slot], i, fell)
             store(past[slot + 1], i, load(series, i) - load(past[MOTION], i) + fell)
-    trace = spread(0.0)
+        place = (taken - 1) % DEPTH
+        for a in range(known):  # the others are known
+            found = product(past[PAIRS + 2 * a], past[slot], m, count)
+            store(squares, a * DEPTH + place, found)
+            store(squares, place * DEPTH + a, found)
+    trace = spread(TINY)
     for a in range(known):
-        for b in range(a + 1):
-            found = product(past[PAIRS + 2 * a], past[PAIRS + 2 * b], m, count)
-            store(space, a * (DEPTH + 1) + b, found)
-            store(space, b * (DEPTH + 1) + a, found)
+        trace = trace + load(squares, a * DEPTH + a) * REGULAR
+    for a in range(known):
+        for b in range(known):
+            one = trace if a == b else spread(0.0)
+            store(space, a * (DEPTH + 1) + b, load(squares, a * DEPTH + b) + one)
         found = product(past[PAIRS + 2 * a], past[STEP], m, count)
         store(space, a * (DEPTH + 1) + DEPTH, found)
-        trace = trace + load(space, a * (DEPTH + 1) + a)
-    for a in range(known):
-        place = a * (DEPTH + 1) + a
-        store(space, place, load(space, place) + trace * REGULAR + TINY)
     solve_least(space, known)
     for i in range(numbers):
         x, step = load(series, i), load(past[STEP], i)
@@ -439,7 +445,7 @@ def largest_leap(total, n):
 @kernel
 def settle(
     across, omega, parameters, channels, elements, roots, tolerance, series, force, forces, total,
-    left, leap, past, lines, motion, values, space, slopes, matrix,
+    left, leap, past, lines, motion, values, squares, space, slopes, matrix,
 ):  # fmt: skip
     """Solve for the motions of all groups, from the guesses in `series`.
 
@@ -449,7 +455,8 @@ def settle(
     left : (G, W) residual relative to the motion, infinite where there is no solution
     leap : (G, W) see `largest_leap`
     past : (PAIRS + 2 DEPTH, m, K, 2, W); lines : (2, n, W); motion : (2, m, n, W);
-    values : (P n W,); space : (DEPTH, DEPTH + 1, W); slopes : (m, 2, W); matrix : (m, m + 1, 2, W)
+    values : (P n W,); squares, space : (DEPTH, DEPTH, W) and (DEPTH, DEPTH + 1, W);
+    slopes : (m, 2, W); matrix : (m, m + 1, 2, W)
     """
     groups, m, count = series.shape[0], series.shape[1], series.shape[2]
     n = total.shape[2]
@@ -482,59 +489,51 @@ def settle(
             )
             for i in range(2 * m * count if taken > 0 else 0):
                 store(past[STEP], i, where_larger(size, allowed, load(past[STEP], i), 0.0))
-            mix(series[g], past, taken, space, m, count)
-
-
-@inner
-def refine_peak(values, i, lane, sign):
-    """Maximum of sign * values[:, lane], periodic, near sample i by a quartic through five."""
-    n = values.shape[0]
-    a, b = sign * values[(i - 2) % n, lane], sign * values[(i - 1) % n, lane]
-    c = sign * values[i, lane]
-    d, e = sign * values[(i + 1) % n, lane], sign * values[(i + 2) % n, lane]
-    c1, c2 = (a - 8 * b + 8 * d - e) / 12, (-a + 16 * b - 30 * c + 16 * d - e) / 24
-    c3, c4 = (-a + 2 * b - 2 * d + e) / 12, (a - 4 * b + 6 * c - 4 * d + e) / 24
-    best, x = c, 0.0
-    for _ in range(6):
-        bend = 2 * c2 + x * (6 * c3 + x * 12 * c4)
-        if bend >= 0.0:
-            break
-        before = x
-        x -= (c1 + x * (2 * c2 + x * (3 * c3 + x * 4 * c4))) / bend
-        x = min(max(x, -1.0), 1.0)
-        best = max(best, c + x * (c1 + x * (c2 + x * (c3 + x * c4))))
-        if abs(x - before) < 1e-9:
-            break
-    return best
+            mix(series[g], past, taken, squares, space, m, count)
 
 
 @spliced
 def rises(bend, square, over_before, over_after, way):
-    """Positive where a peak beside a sample may be higher than it by more than `way`."""
+    """Positive where a peak beside a sample may be higher than it by more than `way`.
+
+    Not only the highest sample is looked at: a lower one may be beside a higher peak.
+    """
     hope = square * (DOUBT / 8.0) - bend * way + TINY
     hope = where_larger(over_before, 0.0, hope, -1.0)
     return where_larger(0.0, over_after, -1.0, hope)
 
 
 @inner
-def find_peak(values, i, lane, extrema, o):
-    """Widen extrema[:, o, lane] where a signal values[:, lane] has a peak at sample i.
+def widen(signal, i, sign, hope, extrema, way, o):
+    """Widen an extremum (row o of extrema[way]) where `hope` > 0: sign * signal has a peak near i.
 
-    By a quartic; what a parabola gives otherwise says how unsure that is.
-
-    Not only at the highest sample: a lower one may be beside a higher peak.
+    By a quartic through five samples; what a parabola gives otherwise says how unsure that is.
     """
-    n = values.shape[0]
-    before, here, after = values[(i - 1) % n, lane], values[i, lane], values[(i + 1) % n, lane]
-    if not (before < here >= after or before > here <= after):
-        return
-    sign, way = (1.0, HIGH) if before < here else (-1.0, LOW)
-    rise = (after - before) ** 2 / (8.0 * sign * (2.0 * here - before - after))
-    if sign * here + DOUBT * rise >= sign * extrema[way, o, lane]:
-        best = refine_peak(values, i, lane, sign)
-        if best >= sign * extrema[way, o, lane]:
-            extrema[way, o, lane] = sign * best
-            extrema[UNSURE + way, o, lane] = abs(best - (sign * here + rise))
+    n = signal.shape[0]
+    a = load(signal, i - 2 if i > 1 else i + n - 2) * sign
+    b = load(signal, i - 1 if i > 0 else n - 1) * sign
+    c = load(signal, i) * sign
+    d = load(signal, i + 1 if i + 1 < n else 0) * sign
+    e = load(signal, i + 2 if i + 2 < n else i + 2 - n) * sign
+    c1 = (a - e - (b - d) * 8.0) * (1 / 12)
+    c2 = ((b + d) * 16.0 - a - e - c * 30.0) * (1 / 24)
+    c3 = (e - a + (b - d) * 2.0) * (1 / 12)
+    c4 = (a + e - (b + d) * 4.0 + c * 6.0) * (1 / 24)
+    best, x = c, spread(0.0)
+    for _ in range(NEWTON_STEPS):
+        bend = c2 * 2.0 + x * (c3 * 6.0 + x * c4 * 12.0)
+        slope = c1 + x * (c2 * 2.0 + x * (c3 * 3.0 + x * c4 * 4.0))
+        x = where_larger(0.0, bend, x - slope / bend, x)
+        x = where_larger(x, 1.0, 1.0, where_larger(-1.0, x, -1.0, x))
+        value = c + x * (c1 + x * (c2 + x * (c3 + x * c4)))
+        best = where_larger(value, best, value, best)
+    parabola = c + (d - b) * (d - b) / ((c * 2.0 - b - d) * 8.0)
+    unsure = where_larger(best, parabola, best - parabola, parabola - best)
+    known = load(extrema[way], o) * sign
+    better = where_larger(hope, 0.0, where_larger(known, best, 0.0, 1.0), 0.0)
+    store(extrema[way], o, where_larger(better, 0.0, best, known) * sign)
+    place = extrema[UNSURE + way]
+    store(place, o, where_larger(better, 0.0, unsure, load(place, o)))
 
 
 @kernel
@@ -620,6 +619,7 @@ def look(
                 bend, square = here * 2.0 - before - after, (after - before) * (after - before)
                 above = rises(bend, square, here - before, here - after, high - here)
                 below = rises(bend * -1.0, square, before - here, after - here, here - low)
-                if any_larger(above, 0.0) or any_larger(below, 0.0):
-                    for lane in range(signal.shape[1]):
-                        find_peak(signal, s, lane, extrema[g], o)
+                if any_larger(above, 0.0):
+                    widen(signal, s, 1.0, above, extrema[g], HIGH, o)
+                if any_larger(below, 0.0):
+                    widen(signal, s, -1.0, below, extrema[g], LOW, o)
