@@ -120,5 +120,5 @@ def test_multipliers_of_a_stiff_light_cushion():
 
 def test_delays_beside_states_are_refused(sine):
     system = paper_system(sd.BoucWen(4e3, 0.2, 300.0, 50.0)).delayed(0.01)
-    with pytest.raises(sd.RequestError, match="have no delay beside them"):
+    with pytest.raises(sd.RequestError, match="no delay beside elements with states"):
         sd.steady_state(system, sine, method="hb")

@@ -147,5 +147,3 @@ def test_refused():
         sd.WithForces([FORCE], both)
     with pytest.raises(sd.RequestError, match="Did you mean 'seat'"):
         sd.simulate(paper_system(), sd.WithForces([sd.ConstantForce("seet", 1.0)]), 1.0)
-    with pytest.raises(sd.RequestError, match="no delay beside"):
-        sd.simulate(paper_system().delayed(0.01), both, 1.0)

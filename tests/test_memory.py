@@ -497,9 +497,6 @@ def test_what_has_no_place_for_states_says_so():
     system = oscillator(sd.Spring(9000.0), LAWS["dahl"][0])
     with pytest.raises(sd.RequestError, match="DahlFriction"):
         lower(system, SINE.motion)
-    late = dataclasses.replace(LAWS["dahl"][0], delay=0.01)
-    with pytest.raises(sd.RequestError, match="have no delay beside"):
-        sd.simulate(oscillator(sd.Spring(1.0), late), SINE, 1.0)
 
 
 @pytest.mark.parametrize(

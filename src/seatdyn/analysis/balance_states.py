@@ -26,7 +26,7 @@ from seatdyn.analysis.hysteretic import HystereticProblem, problem_for
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.periodic import sorted_multipliers
 from seatdyn.analysis.run import Samples, Settings, interruptible
-from seatdyn.errors import Status
+from seatdyn.errors import RequestError, Status
 from seatdyn.kernels import history as kernels
 from seatdyn.kernels.balance import CONVERGED, NOT_CONVERGED
 from seatdyn.kernels.columns import IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY
@@ -311,8 +311,20 @@ class Solver:
 def balance_with_states(
     system: SeatSystem, excitation: Excitation, tolerance: float, most: int = MOST_SAMPLES
 ) -> Balanced | None:
-    """Motion with the period of the excitation; None where the base motion is no sum of sines."""
-    in_time = problem_for(system, excitation, MULTIPLIERS)  # it refuses what it cannot do
+    """Motion with the period of the excitation; None where the base motion is no sum of sines.
+
+    Raises
+    ------
+    RequestError
+        Forces are delayed.
+    """
+    if system.delays:
+        raise RequestError(
+            "Harmonic balance knows no delay beside elements with states of their own, such as "
+            f"{system.memory_elements[0].name} here, and forces of this system act "
+            f"{system.delays[0]:g} s late. Use steady_state with method='time'."
+        )
+    in_time = problem_for(system, excitation, MULTIPLIERS)
     assert isinstance(in_time, HystereticProblem)
     elements, known = system.memory_elements, [channel.between for channel in system.channels]
     watched: list[tuple[str, str]] = []

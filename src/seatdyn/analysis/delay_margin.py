@@ -108,6 +108,7 @@ def delayed_model(system: Linearisable, of: str, linearise: Linearise = None) ->
     else:
         as_linear_model(system, linearise, delays=True)
         model = linear_model(system.delayed(1.0), linearise)  # type: ignore[union-attr]
+    model.refuse_relaxing()
     late = {group.delay for group in model.delayed}
     if len(late) > 1:
         raise RequestError(

@@ -18,8 +18,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.delay_time import START, LateProblem, LateRun, LateState, Past
-from seatdyn.analysis.run import Run, Samples
+from seatdyn.analysis.delay_past import Past
+from seatdyn.analysis.delay_time import START, LateProblem, LateRun, LateState
+from seatdyn.analysis.run import SHARE_OF_INPUT, Run, Samples
 from seatdyn.errors import Status
 from seatdyn.kernels.columns import BREAKS, FIRST, ON_DISPLACEMENT, ON_VELOCITY, SECOND, VALUE
 from seatdyn.kernels.plant import FREE
@@ -35,20 +36,24 @@ ACCURACY, FINEST = 1e-2, 1e-12  # with this share of the tolerance, and not belo
 PIECES, BESIDE = 128, 1e-10  # of the past of a known motion; s beside a break
 CLOSE = 1e-2  # relative change per period below which the operator is worked out
 FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
+JITTER = 1e-2  # relative change per period that may be the error of the steps
 FALLS = 0.3  # a corrected period must change the history less than this share of the one before
 
 
 class History:
     """The piece of history that a period starts from, as numbers.
 
-    First the state now, then displacements and velocities of the nodes that delayed forces see,
-    point by point.
+    First the motion and the states of elements now, then displacements and velocities of the nodes
+    that delayed forces see, and states of elements that act late, point by point.
     """
 
     def __init__(self, problem: LateProblem) -> None:
         """Find what the delayed forces see."""
-        self.nodes = problem.late.seen
+        self.nodes, self.states = problem.late.seen, problem.late_states
         self.n, self.span = problem.system.linear.size, problem.longest_delay
+        self.size = 2 * self.n + problem.state_scale.size  # of motion and states now
+        # those that are needed of the past, too
+        self.seen = np.concatenate([self.nodes, self.n + self.nodes, 2 * self.n + self.states])
         self.points = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # now first
         to_series = np.linalg.inv(np.polynomial.chebyshev.chebvander(self.points, DEGREE))
         self._to_series = to_series
@@ -57,32 +62,38 @@ class History:
         """The numbers of a history."""
         times = past.now + 0.5 * self.span * (self.points[1:] - 1.0)
         z, v, _ = past.at(times)
-        return np.concatenate(
-            [
-                past.record[-1, 1 : 2 * self.n + 1],
-                z[:, self.nodes].ravel(),
-                v[:, self.nodes].ravel(),
-            ]
-        )
+        before = np.hstack([z, v, past.states_at(times)])
+        motion, states = past.record[-1, 1 : 2 * self.n + 1], past.quartics()[-1, :, 0]
+        return np.concatenate([motion, states, before[:, self.seen].ravel()])
 
     def changed(self, problem: LateProblem, state: LateState, change: Array) -> LateState:
         """A state whose history differs by these numbers, smoothly in between."""
         assert state.past is not None
         past, n, nodes = state.past, self.n, self.nodes
-        now, before = change[: 2 * n], change[2 * n :].reshape(2, DEGREE, nodes.size)
-        present = np.stack([now[:n][nodes], now[n:][nodes]])[:, None]
-        z, v = (self._to_series @ part for part in np.concatenate([present, before], axis=1))
-        record = past.record.copy()
+        now, before = change[: self.size], change[self.size :].reshape(DEGREE, -1)
+        series = self._to_series @ np.vstack([now[self.seen], before])
+        new = replace(past, record=past.record.copy())
+        record, quartics, k = new.record, new.quartics(), nodes.size
         x = 1.0 + 2.0 * (record[:, 0] - past.now) / self.span  # the past is cut to its span
         cheb = np.polynomial.chebyshev
-        rate = cheb.chebval(x, cheb.chebder(v)).T * (2.0 / self.span)
-        record[:, 1 + nodes] += cheb.chebval(x, z).T
-        record[:, 1 + n + nodes] += cheb.chebval(x, v).T
-        record[:, 1 + 2 * n + nodes] += rate
-        record[:-1, 1 + 3 * n + nodes] += rate[1:]
-        record[-1, 1 : 2 * n + 1] = past.record[-1, 1 : 2 * n + 1] + now
+        value = cheb.chebval(x, series).T
+        rate = cheb.chebval(x, cheb.chebder(series)).T * (2.0 / self.span)
+        record[:, 1 + nodes] += value[:, :k]
+        record[:, 1 + n + nodes] += value[:, k : 2 * k]
+        record[:, 1 + 2 * n + nodes] += rate[:, k : 2 * k]
+        record[:-1, 1 + 3 * n + nodes] += rate[1:, k : 2 * k]
+        # cubics between the changes of the states
+        begin, rise = value[:, 2 * k :], np.diff(value[:, 2 * k :], axis=0)
+        slope = rate[:, 2 * k :] * np.diff(record[:, 0], append=past.now)[:, None]
+        end = rate[1:, 2 * k :] * np.diff(record[:, 0])[:, None]
+        quartics[:, self.states, 0] += begin
+        quartics[:, self.states, 1] += slope
+        quartics[:-1, self.states, 2] += 3 * rise - 2 * slope[:-1] - end
+        quartics[:-1, self.states, 3] += slope[:-1] + end - 2 * rise
+        record[-1, 1 : 2 * n + 1] = past.record[-1, 1 : 2 * n + 1] + now[: 2 * n]
+        quartics[-1, :, 0] = past.quartics()[-1, :, 0] + now[2 * n :]
         fresh = problem.start(record[-1, 1 : 2 * n + 1])
-        return LateState(fresh.y, fresh.side, fresh.held, replace(past, record=record))
+        return LateState(fresh.y, fresh.side, fresh.held, new)
 
 
 class LateOrbit:
@@ -147,11 +158,15 @@ def find_late_orbit(
                     orbit.error, orbit.multipliers = max(change, left), multipliers
                     return orbit
                 operator, helped = None, False  # it is left to leave this orbit
-            elif end.is_held or change > max(FALLS * before, 10 * tolerance):
-                operator, before, wait = None, np.inf, count + 4 * FEWEST
-                state, values = uncorrected
-                continue
             else:
+                if FALLS * before < change < JITTER:
+                    # so near and no nearer: what is left may be what the steps leave
+                    rtol = max(ACCURACY * problem.settings.rtol, FINEST)
+                    problem = replace(problem, settings=replace(problem.settings, rtol=rtol))
+                if end.is_held or change > max(FALLS * before, 10 * tolerance):
+                    operator, before, wait = None, np.inf, count + 4 * FEWEST
+                    state, values = uncorrected
+                    continue
                 uncorrected = (end, new)
                 end = history.changed(problem, end, slow)
                 new = new + slow
@@ -218,8 +233,10 @@ def late_scales(problem: LateProblem, history: History, run: Run) -> Array:
     n = history.n
     z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
     v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
-    pairs = DEGREE * history.nodes.size
-    return np.repeat([z, v, z, v], [n, n, pairs, pairs])
+    states = run.whole[:, 1 + 4 * n :: 5]
+    x = np.maximum(np.abs(states).max(0), SHARE_OF_INPUT * problem.state_scale)
+    sizes = np.concatenate([np.repeat([z, v], n), x])
+    return np.concatenate([sizes, np.tile(sizes[history.seen], DEGREE)])
 
 
 def late_state(

@@ -2,24 +2,29 @@
 
 Unless a run goes on from another one, everything stood still before it: each mass at its initial
 displacement, the base where its motion begins. So the delayed forces begin with their values there,
-and a base that starts with a velocity is felt one delay later.
+and a base that starts with a velocity is felt one delay later. Elements with states of their own
+had settled; their states go with the motion of the moment, and what acts late is their force.
+Forces from outside are never late.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.delay_past import Past
+from seatdyn.analysis.hysteretic import lower_memory, rest_pulls, settled_states
 from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.run import (
     LONGEST_LADDER_STEP,
     PIECE,
+    SHARE_OF_INPUT,
     STATUS,
     Problem,
     Run,
@@ -31,101 +36,22 @@ from seatdyn.analysis.run import (
 from seatdyn.errors import RequestError
 from seatdyn.kernels import delay as kernel
 from seatdyn.kernels import dense, integrate
-from seatdyn.kernels.columns import FIRST, SECOND
+from seatdyn.kernels.columns import BREAKS, FIRST, SECOND
 from seatdyn.kernels.jit import CompileNotice
-from seatdyn.kernels.plant import FREE
+from seatdyn.kernels.late import sample_late
+from seatdyn.kernels.memory import STATES, Memory
+from seatdyn.kernels.past import AT_ONCE, Late
+from seatdyn.kernels.plant import FREE, Plant
 from seatdyn.model.excitation import Motion
+from seatdyn.model.force import ExternalForce
 from seatdyn.model.system import SeatSystem
 
 Array = NDArray[np.float64]
 SHORTEST = 1e-9  # s, of a delay
 START = 2  # derivative of the displacements that may jump at the start of a run
-SAME = 1e-9  # relative, of derivatives of the base motion on both sides of a segment's begin
-DERIVATIVES = 4  # of the base motion that are compared there
-
-
-@dataclass(frozen=True)
-class Past:
-    """Rows of a run and its marks up to now, the last row for now, and the breaks to come.
-
-    still : number of rows in which the base stands still at `place`, m
-    """
-
-    record: Array
-    marks: NDArray[np.int64]
-    times: Array
-    orders: NDArray[np.int64]
-    still: int = 0
-    place: float = 0.0
-
-    @property
-    def now(self) -> float:
-        """Time of the last row in s."""
-        return float(self.record[-1, 0])
-
-    def moved(self, shift: float) -> Past:
-        """The same `shift` s later, for a periodic base motion."""
-        if shift == 0.0:
-            return self
-        record = self.record.copy()
-        record[:, 0] += shift
-        return Past(record, self.marks, self.times + shift, self.orders, self.still, self.place)
-
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Displacements, velocities and accelerations (p, N) at times (p,) in s."""
-        record, n = self.record, (self.record.shape[1] - 1) // 4
-        row = np.searchsorted(record[:, 0], times, side="right") - 1
-        row = np.clip(row, 0, record.shape[0] - 2)
-        start, end = record[row], record[row + 1]
-        h = (end[:, 0] - start[:, 0])[:, None]
-        s = (times[:, None] - start[:, :1]) / h
-        z0, v0, k0 = start[:, 1 : n + 1], h * start[:, n + 1 : 2 * n + 1], start[:, 2 * n + 1 :]
-        z1, v1 = end[:, 1 : n + 1], h * end[:, n + 1 : 2 * n + 1]
-        k0, k1 = h * h * k0[:, :n], h * h * start[:, 3 * n + 1 :]
-        # the quintic of `dense.quintic`
-        rise = z1 - z0
-        p3 = 10 * rise - 6 * v0 - 4 * v1 - 1.5 * k0 + 0.5 * k1
-        p4 = -15 * rise + 8 * v0 + 7 * v1 + 1.5 * k0 - k1
-        p5 = 6 * rise - 3 * v0 - 3 * v1 - 0.5 * k0 + 0.5 * k1
-        z = z0 + s * (v0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
-        v = (v0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5)))) / h
-        return z, v, (k0 + s * (6 * p3 + s * (12 * p4 + s * 20 * p5))) / h**2
-
-    def refined(self, longest: float) -> Past:
-        """The same with rows of at most `longest` s, so that it can be changed in between."""
-        starts, ends = self.record[:-1, 0], self.record[1:, 0]
-        parts = np.maximum(np.ceil((ends - starts) / longest), 1).astype(int)
-        row = np.repeat(np.arange(parts.size), parts)
-        share = np.arange(row.size) - np.repeat(np.cumsum(parts) - parts, parts)
-        times = starts[row] + (ends - starts)[row] * share / parts[row]
-        record = self.record[np.append(row, len(parts))].copy()
-        n = (record.shape[1] - 1) // 4
-        inside = np.flatnonzero(share > 0)
-        record[inside, 0] = times[inside]
-        record[inside, 1 : 3 * n + 1] = np.concatenate(self.at(times[inside]), axis=1)
-        before = inside - 1  # rows that now end inside an old one
-        record[before, 3 * n + 1 :] = record[inside, 2 * n + 1 : 3 * n + 1]
-        marks = self.marks[np.append(row, len(parts))]
-        still = int(np.sum(row < self.still))
-        return Past(record, marks, self.times, self.orders, still, self.place)
-
-    def recent(self, span: float) -> Past:
-        """Cut to the last `span` s."""
-        begin = self.now - span
-        first = int(np.searchsorted(self.record[1:, 0], begin, side="right"))
-        record = self.record[first:].copy()
-        n = (record.shape[1] - 1) // 4
-        if record[0, 0] < begin:
-            record[0, 0] = begin
-            record[0, 1 : 3 * n + 1] = np.concatenate(self.at(np.array([begin])), axis=1)
-        return Past(
-            record,
-            self.marks[first:],
-            self.times,
-            self.orders,
-            max(self.still - first, 0),
-            self.place,
-        )
+SAME = 1e-9  # relative, of derivatives of an input on both sides of a segment's begin
+DERIVATIVES = 4  # of it that are compared there
+FORCED = 2  # derivative of the displacements that jumps where a force from outside does
 
 
 @dataclass(frozen=True)
@@ -147,8 +73,11 @@ class LateRun(Run):
     def states(self, time: Array) -> Array:
         """Displacements and velocities (p, 2N) alone at these times (s)."""
         single = np.full((self.record.shape[0], 1), dense.SINGLE)
+        motion = self.record[:, : 4 * self.problem.system.linear.size + 1]
         with CompileNotice():
-            found: Array = dense.states(self.record, single, np.asarray(time, dtype=float))
+            found: Array = dense.states(
+                np.ascontiguousarray(motion), single, np.asarray(time, dtype=float)
+            )
         return found
 
     def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
@@ -159,24 +88,53 @@ class LateRun(Run):
         share = np.ascontiguousarray(share, dtype=float)
         index = np.ascontiguousarray(index + first, dtype=np.int64)
         late = problem.late._replace(still=self.still, place=self.place)
+        memory = problem.memory
         with CompileNotice():
-            time, base, z, v, force, elastic, a = kernel.sample_late(
-                problem.plant, late, self.whole, self.whole_marks, index, share
+            time, base, z, v, force, elastic, x, a, pushes = sample_late(
+                problem.plant, memory, late, self.whole, self.whole_marks, index, share
             )
         views = [
             Samples(time[w], base[w], z[w], v[w], np.full_like(a, np.nan), force[w], elastic[w])
             for w in range(time.shape[0])
         ]
-        return views[0]._replace(acceleration=a, past=tuple(views[1:]))
+        # an element that acts late acts with its states of then
+        acting = late.group[late.group.size - memory.nodes.shape[0] :] + 1
+        states = [
+            x[w, :, first:last]
+            for w, (first, last) in zip(acting, pairwise(memory.laws[:, STATES]), strict=True)
+        ]
+        outside = None
+        if problem.forces:
+            outside = np.zeros_like(a)
+            np.add.at(outside.T, memory.pushed, pushes.T)
+        return views[0]._replace(
+            acceleration=a,
+            states=np.hstack(states) if states else None,
+            outside=outside,
+            past=tuple(views[1:]),
+        )
 
 
 @dataclass(frozen=True)
 class LateProblem(Problem):
-    """A system with delayed forces under a base motion, lowered once."""
+    """A system with delayed forces under a base motion and outside forces, lowered once.
+
+    Elements with states are channels without laws, after the others: they have their breaks.
+    """
+
+    memory: Memory
+    state_scale: Array
+    forces: tuple[ExternalForce, ...]
 
     @classmethod
-    def make(cls, system: SeatSystem, motion: Motion, settings: Settings) -> LateProblem:
-        """Lower `system` and `motion`.
+    def make(
+        cls,
+        system: SeatSystem,
+        motion: Motion,
+        settings: Settings,
+        forces: tuple[ExternalForce, ...] = (),
+    ) -> LateProblem:
+        """Lower `system`, `motion` and `forces`.
 
         Raises
         ------
@@ -188,9 +146,12 @@ class LateProblem(Problem):
                 f"A delay of {system.delays[0]:g} s is too short for a run in time; it must be at "
                 f"least {SHORTEST:g} s. Set it to 0."
             )
-        longest = min(motion.longest_step, LONGEST_LADDER_STEP)
-        plant = lower(system, motion, delays=True)
-        return cls(system, motion, settings, plant, None, longest)
+        steps = [motion.longest_step, *(force.history.longest_step for force in forces)]
+        longest = min(*steps, LONGEST_LADDER_STEP)
+        plant = lower(system, motion, delays=True, memory=True)
+        memory, scale = lower_memory(system, plant, forces)
+        plant = with_elements(plant, memory, system)
+        return cls(system, motion, settings, plant, None, longest, memory, scale, forces)
 
     @property
     def uses_ladder(self) -> bool:
@@ -198,20 +159,23 @@ class LateProblem(Problem):
         return False
 
     @cached_property
-    def late(self) -> kernel.Late:
+    def late(self) -> Late:
         """What acts late, as arrays."""
         system, delays = self.system, self.system.delays
         group_of = [
-            delays.index(channel.delay) if channel.delay else kernel.AT_ONCE
-            for channel in system.channels
+            delays.index(delay) if delay else AT_ONCE
+            for delay in (
+                *(channel.delay for channel in system.channels),
+                *(element.delay for element in system.memory_elements),
+            )
         ]
         plant, n = self.plant, system.linear.size
         table = late_forces(system)[:, :, [*range(n), 2 * n, *range(n, 2 * n), 2 * n + 1]]
         where = np.argwhere(table)
-        ends = plant.channels[:-1][np.array(group_of, dtype=int) != kernel.AT_ONCE]
+        ends = plant.channels[:-1][np.array(group_of, dtype=int) != AT_ONCE]
         seen = {*ends[:, [FIRST, SECOND]].ravel().tolist(), *(where[:, 2] % (n + 1)).tolist()}
         angle = plant.sines[:, 1] * np.array(delays)[:, None]
-        return kernel.Late(
+        return Late(
             delay=np.array(delays),
             begin=np.searchsorted(where[:, 0], np.arange(len(delays) + 1)),
             where=np.ascontiguousarray(where[:, 1:]),
@@ -223,22 +187,34 @@ class LateProblem(Problem):
             place=0.0,
         )
 
+    @cached_property
+    def late_states(self) -> NDArray[np.int64]:
+        """Which states belong to elements that act late."""
+        elements = self.system.memory_elements
+        late = [bool(element.delay) for element in elements for _ in element.states]
+        return np.flatnonzero(late)
+
     @property
     def longest_delay(self) -> float:
         """In s."""
         return self.system.delays[-1]
 
     def at_rest(self, t: float, y: Array) -> Past:
-        """A past in which all stood still where it is at time t."""
-        n, marks = self.system.linear.size, self._no_marks(3)
-        record = np.zeros((3, 1 + 4 * n))
+        """A past in which all stood still where it is at time t, elements settled."""
+        n, marks, x = self.system.linear.size, self._no_marks(3), self.state_scale.size
+        record = np.zeros((3, 1 + 4 * n + 5 * x))
         record[:, 0] = t - 2.0 * self.longest_delay, t, t
         record[:, 1 : n + 1] = y[:n]
-        record[2, n + 1 : 2 * n + 1] = y[n:]
-        breaks = sorted((t + delay, START) for delay in self.system.delays)
+        record[2, n + 1 : 2 * n + 1] = y[n : 2 * n]
         place = float(self.motion.evaluate(t))
+        record[:, 4 * n + 1 :: 5] = settled_states(self.system, y[:n], place)
+        breaks = sorted((t + delay, START) for delay in self.system.delays)
         times, orders = zip(*breaks, strict=True)
-        return Past(record, marks, np.array(times), np.array(orders, dtype=np.int64), 2, place)
+        return Past(record, marks, np.array(times), np.array(orders, dtype=np.int64), 2, place, x)
+
+    def rest_pulls(self, z: Array, x0: float) -> Array:
+        """Forces in N, downwards, on the nodes at rest at `z` (m), (elements and forces, N)."""
+        return rest_pulls(self.system, self.forces, z, x0)
 
     def rest(self, y: Array) -> LateState:
         """A start at t = 0 from displacements and velocities, with nothing having moved before."""
@@ -252,21 +228,21 @@ class LateProblem(Problem):
         marks[:, :b], marks[:, -1] = 1, 0
         return marks
 
-    def breaks_of_base(self, t0: float, t1: float) -> list[tuple[float, int]]:
-        """Where corners of the base motion are felt through the delayed forces."""
-        starts = self.motion.starts[1:]
-        starts = starts[(t0 <= starts) & (starts < t1)]
-        smooth = np.full(starts.size, True)
-        found = []
-        for order in range(DERIVATIVES):
-            times = (np.nextafter(starts, -np.inf), starts)
-            left, right = (self.motion.evaluate(t, order) for t in times)
-            size = np.maximum(np.abs(left), np.abs(right))
-            jumps = smooth & (np.abs(left - right) > SAME * size + 1e-300)
-            smooth &= ~jumps
-            for delay in self.system.delays:
-                found += [(float(start + delay), order + 1) for start in starts[jumps]]
-        return found
+    def breaks_of_input(self, t0: float, t1: float) -> list[tuple[float, int]]:
+        """Where corners of the base motion are felt through the delayed forces, and those of forces
+        from outside at once.
+        """
+        felt = [
+            (start + delay, order + 1)
+            for start, order in corners(self.motion, t0, t1)
+            for delay in self.system.delays
+            if order < DERIVATIVES
+        ]
+        return felt + [
+            (start, order + FORCED)
+            for force in self.forces
+            for start, order in corners(force.history, t0, t1)
+        ]
 
     def run(
         self,
@@ -279,7 +255,7 @@ class LateProblem(Problem):
         settings = self.settings
         past = start.past if isinstance(start, LateState) else None
         past = self.at_rest(t0, start.y) if past is None else past.moved(t0 - past.now)
-        extra = self.breaks_of_base(t0, t1)
+        extra = self.breaks_of_input(t0, t1)
         order = np.argsort(np.concatenate([past.times, [t for t, _ in extra]]), kind="stable")
         times = np.concatenate([past.times, [t for t, _ in extra]])[order]
         orders = np.concatenate([past.orders, [q for _, q in extra]])[order].astype(np.int64)
@@ -287,11 +263,13 @@ class LateProblem(Problem):
         record, marks, side, held = past.record, past.marks, start.side, start.held
         late = self.late._replace(still=past.still, place=past.place)
         scale, n, events, code = self.floor, self.system.linear.size, 0, integrate.OK
+        state_scale = SHARE_OF_INPUT * self.state_scale
         pieces = max(1, math.ceil((t1 - t0) / PIECE))
         for _, stop in pairwise(np.linspace(t0, t1, pieces + 1)):
             with CompileNotice(), interruptible():
                 code, count, side, held, record, marks, times, orders = kernel.integrate_late(
                     self.plant,
+                    self.memory,
                     late,
                     float(stop),
                     record,
@@ -302,6 +280,7 @@ class LateProblem(Problem):
                     orders,
                     settings.rtol,
                     *scale,
+                    state_scale,
                     self.longest_step,
                     settings.max_steps - (record.shape[0] - 1 - first),
                     settings.stick_speed,
@@ -314,7 +293,7 @@ class LateProblem(Problem):
                 break
             if progress is not None:
                 progress((stop - t0) / (t1 - t0))
-        all_past = Past(record, marks, times, orders, past.still, past.place)
+        all_past = replace(past, record=record, marks=marks, times=times, orders=orders)
         state = LateState(
             record[-1, 1 : 2 * n + 1].copy(), side, held, all_past.recent(self.longest_delay)
         )
@@ -330,6 +309,40 @@ class LateProblem(Problem):
             past.still,
             past.place,
         )
+
+
+def with_elements(plant: Plant, memory: Memory, system: SeatSystem) -> Plant:
+    """The plant with a channel more for each element with states, which has its breaks, no laws."""
+    breaks = [element.lower().breaks for element in system.memory_elements]
+    rows = [(spot.displacement, spot.velocity, spot.value, 1.0) for own in breaks for spot in own]
+    channels = np.repeat(plant.channels[-1:], len(breaks) + 1, axis=0)
+    channels[:-1, [FIRST, SECOND]] = memory.nodes
+    channels[:, BREAKS] += np.cumsum([0, *(len(own) for own in breaks)])
+    channels = np.vstack([plant.channels[:-1], channels])
+    pull = np.hstack([plant.pull, memory.pull])
+    moved = np.vstack([pull, np.zeros(pull.shape[1])])  # -1 is the base, which no force moves
+    return plant._replace(
+        pull=pull,
+        gain=moved[channels[:-1, SECOND]] - moved[channels[:-1, FIRST]],
+        channels=channels,
+        breaks=np.vstack([plant.breaks, np.array(rows).reshape(-1, 4)]),
+    )
+
+
+def corners(motion: Motion, t0: float, t1: float) -> list[tuple[float, int]]:
+    """Where an input goes over to its next segment, and the lowest of its derivatives that jumps.
+
+    Where none is seen to jump, that is `DERIVATIVES`.
+    """
+    starts = motion.starts[1:]
+    starts = starts[(t0 <= starts) & (starts < t1)]
+    lowest = np.full(starts.size, DERIVATIVES)
+    for order in reversed(range(DERIVATIVES)):
+        times = (np.nextafter(starts, -np.inf), starts)
+        left, right = (motion.evaluate(t, order) for t in times)
+        size = np.maximum(np.abs(left), np.abs(right))
+        lowest[np.abs(left - right) > SAME * size + 1e-300] = order
+    return [(float(start), int(order)) for start, order in zip(starts, lowest, strict=True)]
 
 
 def late_forces(system: SeatSystem) -> Array:

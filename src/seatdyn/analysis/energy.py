@@ -127,9 +127,13 @@ def powers(system: SeatSystem, plant: Plant, samples: Samples) -> tuple[Array, A
     first_with_states = plant.elements.shape[0]
     for e, element in enumerate(system.memory_elements):
         # what such an element stores counts as dissipated until it gives it back
-        force = samples.force[:, first_with_states + e]
+        force = seen_by(system, samples, element.delay).force[:, first_with_states + e]
         ends = [linear.size if node == BASE else linear.index(node) for node in element.between]
-        dissipation = dissipation + force * (v[:, ends[1]] - v[:, ends[0]])
+        power = force * (v[:, ends[1]] - v[:, ends[0]])
+        if element.delay:
+            feedback = feedback - power
+        else:
+            dissipation = dissipation + power
         on_base = on_base + force * (float(ends[1] == linear.size) - float(ends[0] == linear.size))
     return on_base * samples.base[1], dissipation, feedback
 

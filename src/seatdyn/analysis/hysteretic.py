@@ -28,7 +28,6 @@ from seatdyn.analysis.run import (
     State,
     interruptible,
 )
-from seatdyn.errors import RequestError
 from seatdyn.kernels import hysteretic, integrate
 from seatdyn.kernels.columns import (
     BREAKS,
@@ -46,27 +45,19 @@ from seatdyn.model.force import ConstantForce, ExternalForce, WithForces
 from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
-REASON = "Runs with elements that have states of their own, or with forces from outside,"
 
 
 def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) -> Problem:
-    """The problem of a system under an excitation, with the engine that it needs.
+    """The problem of a system under an excitation, with the engine that it needs."""
+    from seatdyn.analysis.delay_time import LateProblem
 
-    Raises
-    ------
-    RequestError
-        Delays beside elements with states or forces from outside.
-    """
     forces = excitation.forces if isinstance(excitation, WithForces) else ()
     base = excitation.base if isinstance(excitation, WithForces) else excitation
-    if not system.memory_elements and not forces:
-        return Problem.make(system, base.motion, settings)
     if system.delays:
-        raise RequestError(
-            f"{REASON} have no delay beside them yet, and forces of this system act "
-            f"{system.delays[0]:g} s late. Set the delay to 0."
-        )
-    return HystereticProblem.prepare(system, base.motion, forces, settings)
+        return LateProblem.make(system, base.motion, settings, forces)
+    if system.memory_elements or forces:
+        return HystereticProblem.prepare(system, base.motion, forces, settings)
+    return Problem.make(system, base.motion, settings)
 
 
 @dataclass(frozen=True)
@@ -127,36 +118,15 @@ class HystereticProblem(Problem):
         """A state of motion (2N,), elements settled there; or motion and states."""
         y = np.array(y, dtype=float)
         if y.size == 2 * self.system.linear.size:
-            y = np.concatenate([y, self._settled(y)])
+            y = np.concatenate(
+                [y, settled_states(self.system, y, float(self.motion.evaluate(0.0)))]
+            )
         sides = np.zeros(self.memory.edges.shape[0], dtype=np.int64)
         return State(y, sides, np.zeros(0, dtype=np.int64))
 
-    def _settled(self, y: Array) -> Array:
-        motion = dict(zip(self.system.linear.nodes, y, strict=False))
-        motion[BASE] = float(self.motion.evaluate(0.0))
-        states: list[float] = []
-        for element in self.system.memory_elements:
-            first, second = element.between
-            states += element.settled(motion[second] - motion[first])
-        return np.array(states)
-
     def rest_pulls(self, z: Array, x0: float) -> Array:
-        """Forces in N, downwards, on the nodes at rest at `z` (m), a row (N,) for each element with
-        states, settled, and for each constant force from outside.
-        """
-        motion = np.append(z, x0)
-        place = {node: i for i, node in enumerate((*self.system.linear.nodes, BASE))}
-        rows: list[Array] = []
-        for element in self.system.memory_elements:
-            row = np.zeros(motion.size)
-            row[[place[node] for node in element.between]] = -1.0, 1.0
-            law, d = element.lower(), float(row @ motion)
-            rows.append(row * law.force(d, 0.0, element.settled(d), law.parameters))
-        for outside in self.forces:
-            row = np.zeros(motion.size)
-            row[place[outside.node]] = -1.0
-            rows += [row * outside.level] if isinstance(outside, ConstantForce) else []
-        return np.array(rows).reshape(-1, motion.size)[:, :-1]
+        """Forces in N, downwards, on the nodes at rest at `z` (m), (elements and forces, N)."""
+        return rest_pulls(self.system, self.forces, z, x0)
 
     def run(
         self,
@@ -204,6 +174,36 @@ class HystereticProblem(Problem):
         joined = np.concatenate([*(r[:-1] for r in records), records[-1][-1:]])
         joined_marks = np.concatenate([*(m[:-1] for m in marks), marks[-1][-1:]])
         return HystereticRun(self, STATUS[code], events, joined, joined_marks, state)
+
+
+def settled_states(system: SeatSystem, z: Array, x0: float) -> Array:
+    """States (q,) of the elements after a long rest at displacements `z` (m), the base at `x0`."""
+    motion = dict(zip(system.linear.nodes, z, strict=False))
+    motion[BASE] = x0
+    states: list[float] = []
+    for element in system.memory_elements:
+        first, second = element.between
+        states += element.settled(motion[second] - motion[first])
+    return np.array(states)
+
+
+def rest_pulls(system: SeatSystem, forces: tuple[ExternalForce, ...], z: Array, x0: float) -> Array:
+    """Forces in N, downwards, on the nodes at rest at `z` (m), a row (N,) for each element with
+    states, settled, and for each constant force from outside.
+    """
+    motion = np.append(z, x0)
+    place = {node: i for i, node in enumerate((*system.linear.nodes, BASE))}
+    rows: list[Array] = []
+    for element in system.memory_elements:
+        row = np.zeros(motion.size)
+        row[[place[node] for node in element.between]] = -1.0, 1.0
+        law, d = element.lower(), float(row @ motion)
+        rows.append(row * law.force(d, 0.0, element.settled(d), law.parameters))
+    for outside in forces:
+        row = np.zeros(motion.size)
+        row[place[outside.node]] = -1.0
+        rows += [row * outside.level] if isinstance(outside, ConstantForce) else []
+    return np.array(rows).reshape(-1, motion.size)[:, :-1]
 
 
 def lower_memory(

@@ -105,7 +105,7 @@ def dynamic_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
         late = group.stiffness[:n, :n] + z * group.damping[:n, :n]
         total = total + np.exp(-z * group.delay) * late
     for one in model.relaxing:
-        total = total + one.element.stiffness(s)[..., None, None] * np.outer(*2 * [one.across[:n]])
+        total = total + one.stiffness(s)[..., None, None] * np.outer(*2 * [one.across[:n]])
     return np.asarray(total)
 
 
@@ -366,7 +366,7 @@ def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
             "on a Seat, or give it a mass that a Link carries."
         )
     above = -np.inf
-    if model.delayed:
+    if model.delayed or any(one.delay for one in model.relaxing):
         model.refuse_relaxing()
         from seatdyn.analysis.delay import rightmost_roots
 

@@ -7,6 +7,7 @@ the run before it ended, changed to the numbers asked for: what lies between the
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from seatdyn.analysis.delay_orbit import (
     multipliers_of,
     periods_together,
 )
-from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState, Past
+from seatdyn.analysis.delay_time import LateProblem, LateRun, LateState
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.run import Problem, Run, Settings
 from seatdyn.analysis.steady import orbit_scales
@@ -88,7 +89,7 @@ class LatePeriod(Period):
         assert isinstance(like.end, LateState)
         assert like.end.past is not None
         ahead = like.end.past
-        past = Past(like.whole, like.whole_marks, ahead.times, ahead.orders)
+        past = replace(ahead, record=like.whole, marks=like.whole_marks, still=0)
         past = past.recent(self.late.longest_delay).refined(self.late.longest_delay / ROWS)
         state = LateState(like.end.y, like.end.side, like.end.held, past)
         return self.history.changed(self.late, state, y - self.history.values(past))

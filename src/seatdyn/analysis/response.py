@@ -113,9 +113,7 @@ def frequency_response(
             np.exp(-s * delay) * (k @ motion + s * (c @ motion) + k.sum() + s * c.sum()) / s**2
             for _, k, c, delay in rows
         ]
-        forces += [
-            one.element.stiffness(s) * (one.across @ motion) / s**2 for one in model.relaxing
-        ]
+        forces += [one.stiffness(s) * (one.across @ motion) / s**2 for one in model.relaxing]
         names = [name for name, *_ in rows] + [one.name for one in model.relaxing]
         table = np.array(forces, dtype=complex).reshape(len(names), f.size)
         variables["element_force"] = (("element", *along), table, "N s2/m", "element force")

@@ -211,6 +211,10 @@ class Problem:
         held = np.full(self.plant.gain.shape[0], FREE, dtype=np.int64)
         return State(np.array(y, dtype=float), side, held)
 
+    def rest_pulls(self, z: Array, x0: float) -> Array:
+        """Forces at rest of what is no part of the plant, (k, N): here nothing."""
+        return np.zeros((0, z.size))
+
     def run(
         self,
         t0: float,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import seatdyn
 from seatdyn.analysis.energy import energy_balance
-from seatdyn.analysis.hysteretic import HystereticProblem, problem_for
+from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import (
     across,
     body_force,
@@ -270,9 +270,7 @@ def balance(problem: Problem, held: int = -1, place: float = 0.0) -> Array | Non
             for node, sign in zip(between[j], (-1.0, 1.0), strict=True):
                 if node >= 0:
                     result[j, node] = sign * pull
-        if isinstance(problem, HystereticProblem):
-            result = np.vstack([result, problem.rest_pulls(state[:n], x0)])
-        return result
+        return np.vstack([result, problem.rest_pulls(state[:n], x0)])
 
     def unbalanced(state: Array) -> Array:
         force = linear.stiffness @ state[:n] - linear.drive_stiffness * x0 + pulls(state).sum(0)

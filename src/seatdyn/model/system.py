@@ -18,7 +18,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from seatdyn.errors import ModelError, RequestError
 from seatdyn.model.body import SEAT, SeatedBody
@@ -58,11 +58,20 @@ class DelayedForces:
 
 @dataclass(frozen=True)
 class Relaxing:
-    """A linear element with states of its own across one pair of nodes, `across` (N+1,)."""
+    """A linear element with states of its own across one pair of nodes, `across` (N+1,).
+
+    Its force acts `delay` s late; its states go with the motion of the moment.
+    """
 
     name: str
     across: Array
     element: LinearMemory
+    delay: float = 0.0
+
+    def stiffness(self, s: ArrayLike) -> NDArray[np.complex128]:
+        """Force per displacement at the Laplace variable s (1/s), in N/m, same shape."""
+        points = np.asarray(s, dtype=complex)
+        return np.asarray(np.exp(-points * self.delay) * self.element.stiffness(points))
 
 
 @dataclass(frozen=True)
@@ -387,7 +396,8 @@ def linear_model(
                 add_pair(element.between, *element.tangent(), element.delay)
             elif isinstance(element, MemoryElement) and (element.is_linear or linearise):
                 across = incidence(*element.between)
-                relaxing.append(Relaxing(element.name, across, element.linearised()))
+                linear = element.linearised()
+                relaxing.append(Relaxing(element.name, across, linear, element.delay))
             else:
                 ignored.append(element.name)
         b = incidence(BASE, SEAT)
