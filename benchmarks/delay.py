@@ -35,7 +35,7 @@ from seatdyn.analysis.run import Problem, Settings
 DELAYS = (0.005, 0.0203, 0.05)  # s
 OMEGA, LEVEL, END = 2 * math.pi * 1.55, 0.8857, 30.0
 GRID = np.arange(1, 3001) / 100.0
-TOLERANCES = [10.0**-e for e in np.arange(4, 10.5, 0.25)]
+TOLERANCES = [10.0**-e for e in np.arange(4, 10.5, 0.1)]
 PEER_TOLERANCE = 1e-8
 TARGET = 10
 

@@ -183,6 +183,7 @@ class LateProblem(Problem):
             seen=np.array(sorted(seen - {-1, n}), dtype=np.int64),
             turn=np.stack([np.cos(angle), np.sin(angle)], axis=-1),
             group=np.array(group_of, dtype=np.int64),
+            bare=plant.segments.shape[0] == 1 and not np.any(plant.segments[0, 1:8]),
             still=0,
             place=0.0,
         )

@@ -39,7 +39,7 @@ from seatdyn.kernels.integrate import (
     save_step,
 )
 from seatdyn.kernels.jit import inlined, inner, kernel
-from seatdyn.kernels.late import accelerate, change_states, fill_node
+from seatdyn.kernels.late import accelerate, change_states, fill_node, place_node
 from seatdyn.kernels.memory import find_segments
 from seatdyn.kernels.past import (
     AT_ONCE,
@@ -94,13 +94,15 @@ def late_step(
             now[1 + i], now[1 + n + i] = nodes.y[i], nodes.y[n + 1 + i]
             record[steps, 1 + 3 * n + i] = 2 * (nodes.y[n + 1 + i] - y[n + i]) / h - a[0, i]
         guess_states(record, steps, h, n, own, ratio)
+    for s in range(1, 6):  # the last two stages are at the same instant
+        place_node(plant, memory, late, s, t + C[s] * h, segment, nodes)
     first, before, agrees = 1, 1.0, alone
     for _ in range(REPEATS):
         for s in range(first, 7):
-            if s < 6:  # the last two stages are at the same instant
+            if s < 6:
                 fill_node(
-                    plant, memory, late, record, marks, steps, s, t + C[s] * h, C[s] < 0.5, segment,
-                    nodes, own,
+                    plant, memory, late, record, marks, steps, s, t + C[s] * h, C[s] < 0.5, nodes,
+                    own,
                 )  # fmt: skip
             for i in range(n):
                 rise = gain = 0.0
@@ -163,7 +165,8 @@ def step_error(h, a, own, z_tolerance, v_tolerance):
 def begin(plant, memory, late, record, marks, steps, t, segment, y, side, held, nodes, own):
     """Accelerations `nodes.a` and rates at the start of a step, all one-sided from there on."""
     find_segments(memory, t + ROUNDING * max(abs(t), 1.0), nodes.active)
-    fill_node(plant, memory, late, record, marks, steps, 0, t, True, segment, nodes, own)
+    place_node(plant, memory, late, 0, t, segment, nodes)
+    fill_node(plant, memory, late, record, marks, steps, 0, t, True, nodes, own)
     accelerate(plant, memory, late, 0, y, own.now, side, held, is_holding(held), nodes)
     change_states(plant, memory, 0, y, own.now, side, held, nodes, own.rate[0])
 

@@ -50,25 +50,33 @@ def memory_force(memory, e, d, v, x):
 
 
 @inlined
-def fill_node(plant, memory, late, record, marks, last, s, t, forwards, segment, nodes, own):
-    """Set node s: base motion, outside and delayed forces at t; `last` row of the record."""
-    n, m = nodes.a.size, nodes.force.shape[1]
-    first = m - memory.nodes.shape[0]
-    x0, v0, a0 = base_now(plant, t, segment, nodes.sines)
+def place_node(plant, memory, late, s, t, segment, nodes):
+    """Set what drives node s at t: base motion and outside forces."""
+    n = nodes.a.size
+    x0, v0, a0 = base_now(plant, late, t, segment, nodes.sines[s])
     nodes.base[s, 0], nodes.base[s, 1], nodes.base[s, 2] = x0, v0, a0
     for i in range(n):
-        nodes.drive[s, i] = plant.linear[i, 2 * n] * x0 + plant.linear[i, 2 * n + 1] * v0
+        nodes.prompt[s, i] = plant.linear[i, 2 * n] * x0 + plant.linear[i, 2 * n + 1] * v0
     for f in range(nodes.active.size):
         force = outside_force(memory, t, f, nodes.active[f])
         for i in range(n):
-            nodes.drive[s, i] += memory.push[i, f] * force
+            nodes.prompt[s, i] += memory.push[i, f] * force
+
+
+@inlined
+def fill_node(plant, memory, late, record, marks, last, s, t, forwards, nodes, own):
+    """Add the delayed forces at the placed node s, time t; `last` row of the record."""
+    n, m = nodes.a.size, nodes.force.shape[1]
+    first = m - memory.nodes.shape[0]
+    for i in range(n):
+        nodes.drive[i] = nodes.prompt[s, i]
     for g in range(late.delay.size):
         row = look_back(
-            plant, late, record, marks, nodes.row[g], last, g, t - late.delay[g], forwards,
+            plant, late, record, marks, nodes.row[g], last, s, g, t - late.delay[g], forwards,
             late.seen, nodes, own,
         )  # fmt: skip
         for r in range(late.begin[g], late.begin[g + 1]):
-            nodes.drive[s, late.where[r, 0]] += late.gain[r] * nodes.y[late.where[r, 1]]
+            nodes.drive[late.where[r, 0]] += late.gain[r] * nodes.y[late.where[r, 1]]
         for r in range(nodes.side.size):
             nodes.side[r] = marks[row, r]
         for j in range(m):
@@ -83,19 +91,23 @@ def fill_node(plant, memory, late, record, marks, last, s, t, forwards, segment,
                     force = channel_force(plant, j, d, v, nodes.side)
                 nodes.force[s, j] = force
                 for i in range(n):
-                    nodes.drive[s, i] -= plant.pull[i, j] * force
+                    nodes.drive[i] -= plant.pull[i, j] * force
 
 
 @inlined
 def accelerate(plant, memory, late, s, y, x, side, held, holding, nodes):
-    """Accelerations `nodes.a` and channel forces `nodes.force[s]` at motion y, states x, node s."""
+    """Accelerations `nodes.a` and channel forces `nodes.force[s]` at motion y, states x, node s.
+
+    The node is the one that was filled last.
+    """
     n, m = nodes.a.size, nodes.force.shape[1]
     first = m - memory.nodes.shape[0]
     for i in range(n):
-        total = nodes.drive[s, i]
-        for k in range(2 * n):
+        total, damped = nodes.drive[i], 0.0  # two sums at a time take half as long as one
+        for k in range(n):
             total += plant.linear[i, k] * y[k]
-        nodes.a[i] = total
+            damped += plant.linear[i, n + k] * y[n + k]
+        nodes.a[i] = total + damped
     for j in range(m):
         if late.group[j] != AT_ONCE or held[j] >= 0:
             continue
@@ -167,7 +179,8 @@ def sample_late(plant, memory, late, record, marks, index, share):
         segment = marks[i, breaks + m]
         side, held = marks[i, :breaks], marks[i, breaks : breaks + m]
         find_segments(memory, record[i, 0] + 0.5 * h, nodes.active)
-        fill_node(plant, memory, late, record, marks, last, 0, t, forwards, segment, nodes, own)
+        place_node(plant, memory, late, 0, t, segment, nodes)
+        fill_node(plant, memory, late, record, marks, last, 0, t, forwards, nodes, own)
         in_row(record, i, share[p], everything, n, motion)
         for q in range(n):
             y[q], y[n + q] = motion[q], motion[n + 1 + q]
@@ -187,7 +200,7 @@ def sample_late(plant, memory, late, record, marks, index, share):
             else:
                 times[w, p] = t - late.delay[w - 1]
                 row = look_back(
-                    plant, late, record, marks, nodes.row[w - 1], last, w - 1, times[w, p],
+                    plant, late, record, marks, nodes.row[w - 1], last, 0, w - 1, times[w, p],
                     forwards, everything, nodes, own,
                 )  # fmt: skip
             bases[w, 0, p], bases[w, 1, p], bases[w, 2, p] = motion[n], motion[2 * n + 1], a0

@@ -55,6 +55,7 @@ class Late(NamedTuple):
     seen: np.ndarray  # int: nodes whose past matters
     turn: np.ndarray  # (G, s, 2) cosine and sine of what each lasting sine turns by in a delay
     group: np.ndarray  # (m,) int: index of the channel's delay, or AT_ONCE
+    bare: bool  # whether the base motion is its lasting sines alone
     still: int  # rows of the record in which the base stands still (before the start)
     place: float  # its displacement there, m
 
@@ -63,8 +64,9 @@ class Nodes(NamedTuple):
     """What drives the masses at the instants of a step's stages: the base, and the past."""
 
     base: np.ndarray  # (7, 3) displacement, velocity, acceleration
-    sines: np.ndarray  # (s, 2) lasting sines of the base and their cosines, at the last instant
-    drive: np.ndarray  # (7, N) accelerations by the base and all delayed forces
+    sines: np.ndarray  # (7, s, 2) lasting sines of the base and their cosines
+    prompt: np.ndarray  # (7, N) accelerations by the base and outside forces
+    drive: np.ndarray  # (N,) the same and by all delayed forces, of one node
     force: np.ndarray  # (7, m) of the channels; those that act at once are set by the stage
     y: np.ndarray  # (2N+2,) a motion of the past, the base as the last node
     side: np.ndarray  # (b,) int, and the branches it was on
@@ -87,16 +89,19 @@ def make_nodes(plant, delays, forces):
     """Scratch for a run."""
     n, m = plant.linear.shape[0], plant.gain.shape[0]
     return Nodes(
-        np.empty((7, 3)), np.empty((plant.sines.shape[0], 2)), np.empty((7, n)), np.zeros((7, m)),
+        np.empty((7, 3)), np.empty((7, plant.sines.shape[0], 2)), np.empty((7, n)), np.empty(n),
+        np.zeros((7, m)),
         np.empty(2 * n + 2), np.ones(plant.breaks.shape[0], np.int64), np.zeros(n),
         np.zeros(delays, np.int64), np.zeros(forces, np.int64),
     )  # fmt: skip
 
 
 @inlined
-def base_now(plant, t, segment, sines):
+def base_now(plant, late, t, segment, sines):
     """Base displacement, velocity and acceleration, and the lasting sines among them."""
-    x, v, a = segment_motion(plant, t, segment)
+    x = v = a = 0.0
+    if not late.bare:
+        x, v, a = segment_motion(plant, t, segment)
     for i in range(sines.shape[0]):
         omega, angle = plant.sines[i, 1], plant.sines[i, 1] * t + plant.sines[i, 2]
         sine, cosine = plant.sines[i, 0] * math.sin(angle), plant.sines[i, 0] * math.cos(angle)
@@ -108,9 +113,11 @@ def base_now(plant, t, segment, sines):
 
 
 @inlined
-def base_then(plant, turn, t, segment, sines):
+def base_then(plant, late, turn, t, segment, sines):
     """Base displacement and velocity at the past time t, its lasting sines turned back from now."""
-    x, v, _ = segment_motion(plant, t, segment)
+    x = v = 0.0
+    if not late.bare:
+        x, v, _ = segment_motion(plant, t, segment)
     for i in range(sines.shape[0]):
         x += sines[i, 0] * turn[i, 0] - sines[i, 1] * turn[i, 1]
         v += plant.sines[i, 1] * (sines[i, 1] * turn[i, 0] + sines[i, 0] * turn[i, 1])
@@ -189,11 +196,11 @@ def guess_states(record, row, h, n, own, ratio):
 
 
 @inlined
-def look_back(plant, late, record, marks, row, last, g, t, forwards, seen, nodes, own):
-    """Motion `nodes.y` of the nodes `seen` and states `own.then` one delay g before now, at t.
+def look_back(plant, late, record, marks, row, last, s, g, t, forwards, seen, nodes, own):
+    """Motion `nodes.y` of the nodes `seen` and states `own.then` one delay g before node s.
 
     Returns the row, looked for from `row` to `last`; at the edge of two rows the later one if
-    `forwards`, else the earlier. The lasting sines of the base are known for now.
+    `forwards`, else the earlier. t is the time then; the lasting sines at the node are known.
     """
     n = nodes.a.size
     slack = ROUNDING * max(abs(t), 1.0)
@@ -208,6 +215,6 @@ def look_back(plant, late, record, marks, row, last, g, t, forwards, seen, nodes
         nodes.y[n], nodes.y[2 * n + 1] = late.place, 0.0
     else:
         segment = marks[row, marks.shape[1] - 1]
-        x0, v0 = base_then(plant, late.turn[g], t, segment, nodes.sines)
+        x0, v0 = base_then(plant, late, late.turn[g], t, segment, nodes.sines[s])
         nodes.y[n], nodes.y[2 * n + 1] = x0, v0
     return row
