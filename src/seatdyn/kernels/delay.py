@@ -65,7 +65,8 @@ AGREED = 0.1  # of the tolerance: error left by them
 AA, EA = A @ A[:6], E @ A
 
 
-@inner
+# Inlined twice: to hand over fifty arrays costs as much as two stages.
+@inlined
 def late_step(
     plant, memory, late, record, marks, steps, continued, t, h, segment, y, a, side, held, holding,
     y1, nodes, own, z_tolerance, v_tolerance,
