@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from seatdyn.kernels.dense import quintic
 from seatdyn.kernels.events import ROUNDING
 from seatdyn.kernels.jit import allocating, inlined
 from seatdyn.kernels.plant import segment_motion
@@ -132,14 +133,15 @@ def in_row(record, row, share, nodes, n, y):
     turns = 1.0 / h
     for i in range(nodes.size):
         q = nodes[i]
-        rise, m0, m1 = end[1 + q] - start[1 + q], h * start[1 + n + q], h * end[1 + n + q]
-        k0, k1 = h * h * start[1 + 2 * n + q], h * h * start[1 + 3 * n + q]
-        p3 = 10 * rise - 6 * m0 - 4 * m1 - 1.5 * k0 + 0.5 * k1
-        p4 = -15 * rise + 8 * m0 + 7 * m1 + 1.5 * k0 - k1
-        p5 = 6 * rise - 3 * m0 - 3 * m1 - 0.5 * k0 + 0.5 * k1
+        v = n + q
+        c = quintic(
+            h, start[1 + q], start[1 + v], start[1 + n + v], end[1 + q], end[1 + v],
+            start[1 + 2 * n + v],
+        )  # fmt: skip
         s = share
-        y[q] = start[1 + q] + s * (m0 + s * (0.5 * k0 + s * (p3 + s * (p4 + s * p5))))
-        y[n + 1 + q] = turns * (m0 + s * (k0 + s * (3 * p3 + s * (4 * p4 + s * 5 * p5))))
+        y[q] = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
+        rate = c[1] + s * (2 * c[2] + s * (3 * c[3] + s * (4 * c[4] + s * (5 * c[5]))))
+        y[v + 1] = turns * rate
 
 
 @inlined
