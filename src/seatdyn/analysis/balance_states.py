@@ -58,7 +58,7 @@ KRYLOV, FORCING = 30, 1e-2
 MOST_STEPS, SMALLEST_STEP = 25, 1.0 / 64.0
 NEWTON_SHARE, SMALLEST_RESIDUAL = 0.03, 1e-11  # of the tolerance; what Newton's method may leave
 STALLED = 1e-7  # residual, relative, at which no further progress is no failure
-MULTIPLIERS = Settings(rtol=1e-10)
+MULTIPLIERS = Settings(rtol=1e-10, max_steps=500_000)
 WINDOW = np.linspace(-1.0, 1.0, 17)  # samples around an extremum, looked at again
 
 

@@ -284,7 +284,7 @@ class LateProblem(Problem):
                     state_scale,
                     self.longest_step,
                     settings.max_steps - (record.shape[0] - 1 - first),
-                    settings.stick_speed,
+                    self.stick_speed,
                     settings.max_events_per_second,
                 )
             sizes = np.abs(record[first:, 1 : 2 * n + 1]).max(0)

@@ -114,6 +114,11 @@ class HystereticProblem(Problem):
         """Never."""
         return False
 
+    @property
+    def state_floor(self) -> Array:
+        """Sizes of the states below which errors are absolute."""
+        return SHARE_OF_INPUT * self.state_scale
+
     def start(self, y: Array) -> State:
         """A state of motion (2N,), elements settled there; or motion and states."""
         y = np.array(y, dtype=float)
@@ -141,7 +146,7 @@ class HystereticProblem(Problem):
         records, marks = [], []
         events, steps, state, code = 0, 0, start, integrate.OK
         floor = np.repeat(self.floor, n)
-        scale = np.concatenate([floor, SHARE_OF_INPUT * self.state_scale])
+        scale = np.concatenate([floor, self.state_floor])
         stops = np.unique(np.concatenate([self.motion.starts, self.memory.waves[:, 1]]))
         times = np.linspace(t0, t1, pieces + 1)
         for begin, stop in pairwise(times):
@@ -158,7 +163,7 @@ class HystereticProblem(Problem):
                     scale,
                     self.longest_step,
                     settings.max_steps - steps,
-                    settings.stick_speed,
+                    self.stick_speed,
                     settings.max_events_per_second,
                 )
             held = np.where(side == HELD, 0, FREE)

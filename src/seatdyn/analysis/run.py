@@ -31,6 +31,7 @@ LONGEST_LADDER_STEP = 0.1  # s
 MOST_SEGMENTS = 16  # of an input that the ladder is used for
 PIECE = 30.0  # s of a long run between two reports of progress
 SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
+SHARE_FOR_STICKING = 1e-3  # of the input's velocity: what is stopped has a millionth of its energy
 SMALLEST_SCALE = (1e-6, 1e-5)  # m and m/s: the same for a base at rest
 STATUS = {
     integrate.OK: Status.OK,
@@ -46,7 +47,8 @@ class Settings:
     """How a run is integrated.
 
     rtol : error of a step relative to the largest motion so far
-    stick_speed : m/s below which a channel may be held at a jump of its force
+    stick_speed : m/s below which a channel may be held at a jump of its force; a thousandth of the
+        base's largest velocity where that is less
     max_events_per_second : more than these end the run with status `chattering`
     max_steps : of one run
     method : "ladder" (linear part exact) or "runge-kutta" (Dormand-Prince alone); a sampled input,
@@ -205,6 +207,18 @@ class Problem:
             max(SHARE_OF_INPUT * v, SMALLEST_SCALE[1]),
         )
 
+    @property
+    def state_floor(self) -> Array:
+        """Sizes of the elements' own states below which errors are absolute; here none has any."""
+        return np.zeros(0)
+
+    @property
+    def stick_speed(self) -> float:
+        """Speed in m/s below which a channel may be held at a jump of its force."""
+        base = self.motion.scale[1]
+        asked = self.settings.stick_speed
+        return min(asked, SHARE_FOR_STICKING * base) if base > 0.0 else asked
+
     def start(self, y: Array) -> State:
         """A state whose branches are still to be read from its displacements and velocities."""
         side = np.zeros(self.plant.breaks.shape[0], dtype=np.int64)
@@ -245,7 +259,7 @@ class Problem:
                     *scale,
                     self.longest_step,
                     settings.max_steps - steps,
-                    settings.stick_speed,
+                    self.stick_speed,
                     settings.max_events_per_second,
                 )
             if stop < t1:

@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from seatdyn.analysis.balance import Balanced
 
 Array = NDArray[np.float64]
-DEFAULT = Settings(rtol=1e-9)
+MOST_STEPS = 500_000  # of one period
+DEFAULT = Settings(rtol=1e-9, max_steps=MOST_STEPS)
 SHARES = np.linspace(0.0, 1.0, 13)  # of a step, where extrema are looked for
 REFINED = 33  # points around each extremum on the second look
 TOLERANCE, BALANCE_TOLERANCE = 1e-9, 1e-6  # where none is given; the latter for "hb" alone
@@ -53,10 +54,11 @@ ALTERNATING = 1e-4  # change over one period, relative, of a subharmonic that is
 CLOSE = 1e-3  # relative change per period below which Newton may finish
 PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
-SMALLEST_STATE = 1e-12  # of an element's own state, whatever its unit
 NEWTON_STEPS = 6
-FINISH = Settings(rtol=1e-11)  # of a motion that harmonic balance has almost found
-FAR = 1e3  # m, m/s: a run that ends there, for whatever reason, grows without bound
+FINISH = Settings(
+    rtol=1e-11, max_steps=MOST_STEPS
+)  # of a motion that harmonic balance has almost found
+FAR = 1e2  # m, m/s: a run that ends there, for whatever reason, grows without bound
 STICKING_PERIODS = 200  # of time integration where harmonic balance cannot follow
 CREEPING = 0.5  # ratio of two changes above which what friction holds is led to where it creeps
 LED, AGREED = 0.5, 0.1  # share of the way left; how far two estimates of that may differ
@@ -422,7 +424,7 @@ def orbit_scales(problem: Problem, run: Run) -> Array:
     z = max(np.abs(run.record[:, 1 : n + 1]).max(), problem.floor[0])
     v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
     states = np.abs(run.record[:, 2 * n + 1 : run.end.y.size + 1]).max(0)
-    return np.concatenate([np.repeat([z, v], n), np.maximum(states, SMALLEST_STATE)])
+    return np.concatenate([np.repeat([z, v], n), np.maximum(states, problem.state_floor)])
 
 
 def _change(problem: Problem, start: State, run: Run) -> float:

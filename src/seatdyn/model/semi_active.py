@@ -105,7 +105,8 @@ class MRDamper(MemoryElement):
     F = (f0 + f1 I) (2/pi) atan(slope v) + c v, a Bingham damper whose yield force grows with the
     current 0 <= I <= I_max, which follows its command with a lag, tau dI/dt = I_command - I. The
     control laws are those of `SemiActiveDamper`, on-off between no current and I_max; "skyhook"
-    commands the current at which the force would be that of a damper c_sky to the sky.
+    commands the current at which the force, its sign not smoothed, would be that of a damper c_sky
+    to the sky.
 
     Parameters
     ----------
