@@ -53,7 +53,6 @@ START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
 FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 600, 1 / 300  # errors that allow a doubled step
-DOUBLE_TWICE = 1 / 300  # share of these that allows two doublings at once
 HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
 
@@ -335,12 +334,12 @@ def integrate(
                 copy(end, start)
                 t = stop if stop - (t + h) <= instant else t + h
                 patience -= 1
-                ease = max(gap / DOUBLE_INTERPOLATION, truncation / DOUBLE_TRUNCATION)
-                easy = ease < 1.0 and iterations <= FEW_ITERATIONS and patience <= 0
+                easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
+                easy = easy and iterations <= FEW_ITERATIONS and patience <= 0
                 if hopeless and level > 0:
                     level -= 1  # what stopped the longer step lies in its second half
-                elif easy and fit == level:
-                    level = min(level + (2 if ease < DOUBLE_TWICE else 1), ex.LEVELS - 1)
+                elif easy and fit == level and level + 1 < ex.LEVELS:
+                    level += 1
                 hopeless = False
         else:
             level_before = -1
