@@ -2,7 +2,9 @@
 
 Draws seats from the ranges of `tests/seats_at_random.py`, asks for their steady state, counts what
 converges by the rule stated there, and looks at a sample in time: a motion taken as initial state
-has to come back after one period. Prints ranges, seed, statuses and every failure.
+has to come back after one period. Prints ranges, seed, statuses and every failure. With --json a
+run can be stopped and goes on where it was; several may share the sets (--first), and one that is
+given the lines of all prints the table.
 
     python benchmarks/random_seats.py [--sets N] [--first I] [--seed S] [--sample N] [--json FILE]
 """
@@ -103,12 +105,18 @@ def main():
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     every = max(1, options.sets // max(options.sample, 1))
-    rows = []
+    kept = Path(options.json) if options.json else None
+    rows = [json.loads(line) for line in kept.open()] if kept and kept.exists() else []
+    known = {row["set"] for row in rows}
     for number in range(options.first, options.first + options.sets):
+        if number in known:
+            continue
+        if len(rows) % 100 == 0:
+            print(f"{len(rows)} of {options.sets} sets", file=sys.stderr, flush=True)
         sampled = options.sample > 0 and number % every == 0
         rows.append(one(number, options.seed, sampled))
-        if options.json:
-            with Path(options.json).open("a") as lines:
+        if kept:
+            with kept.open("a") as lines:
                 lines.write(json.dumps(rows[-1]) + "\n")
     print(table(rows, options))
 
