@@ -2,7 +2,7 @@
 
 `load` and `store` move rows from and to arrays whose last axis is as long as a row; between them
 the usual operators work on all members with one instruction. So a kernel is written as for one
-member, but for choices, which `larger_of` and `where_larger` make for each member.
+member, but for choices, which `where_larger` makes for each member.
 """
 
 from __future__ import annotations
