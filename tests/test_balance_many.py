@@ -116,6 +116,14 @@ def test_a_linear_seat_is_the_transmissibility():
         np.testing.assert_allclose(got, ratio * member[1].peak, rtol=1e-10)
 
 
+def test_a_seat_without_channels():
+    sets = draw({}, 2 * WIDTH)
+    together = sd.steady_states(paper_system(), SINE, sets, stability=False)
+    alone = sd.steady_states(paper_system(), SINE, sets)
+    assert (together.status == "converged").all()
+    np.testing.assert_allclose(together.amplitude, alone.amplitude, rtol=2e-6)
+
+
 def test_what_is_asked_for_does_not_change_what_is_found():
     """All sets at once, some outputs, in another order: the same numbers."""
     system, own = CASES["quadratic"][0](), CASES["quadratic"][1]

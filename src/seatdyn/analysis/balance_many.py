@@ -158,7 +158,7 @@ class Level:
     def _members(self, rows: Array) -> Array:
         """Numbers of members (p, ...) from rows."""
         moved = np.moveaxis(rows, -1, 1)
-        return moved.reshape(-1, *moved.shape[2:])[: self._size]
+        return moved.reshape(len(rows) * WIDTH, *moved.shape[2:])[: self._size]
 
     def solve(self, guess: Array, tolerance: float) -> tuple[Array, Array, Array]:
         """Harmonics (p, m, K, 2), residuals (p,), and leaps of the forces between samples (p,).
