@@ -69,6 +69,11 @@ class HystereticRun(Run):
         """Whether every jump that the state rests on at the end was rested on all the time."""
         return bool(np.all(self.marks[:, self.end.side == HELD] == HELD))
 
+    def states(self, time: Array) -> Array:
+        """Displacements and velocities (p, 2N) alone at these times (s)."""
+        samples = self.at(time)
+        return np.hstack([samples.displacement, samples.velocity])
+
     def sample(self, index: NDArray[np.int64], share: Array) -> Samples:
         """The solution at `share` of the steps `index`."""
         problem = self.problem

@@ -149,9 +149,6 @@ class Run:
 
     def states(self, time: Array) -> Array:
         """Displacements and velocities (p, 2N) alone at these times (s): far cheaper than `at`."""
-        if type(self) is not Run:  # a record with more than the motion
-            samples = self.at(time)
-            return np.hstack([samples.displacement, samples.velocity])
         with CompileNotice():
             found: Array = dense.states(self.record, self.marks, np.asarray(time, dtype=float))
         return found
