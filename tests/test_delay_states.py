@@ -162,17 +162,6 @@ def test_late_zener_element_in_the_frequency_domain(tau):
     assert state.attrs["floquet_max"] == pytest.approx(math.exp(s.real / 1.6), abs=1e-7)
 
 
-def test_linear_analyses_do_not_leave_the_delay_out():
-    system = zener_seat(0.02)
-    for analysis in (sd.poles, sd.modes, sd.is_stable):
-        with pytest.raises(sd.RequestError, match="Zener"):
-            analysis(system)
-    with pytest.raises(sd.RequestError, match="Zener"):
-        sd.delay_margin(oscillator(sd.Spring(STIFFNESS), LAWS["zener"][0], mass=MASS))
-    with pytest.raises(sd.RequestError, match="no delay beside elements with states"):
-        sd.steady_state(system, SINE, method="hb")
-
-
 @pytest.mark.parametrize("tau", [0.0503, 0.00037])
 def test_order(tau):
     """The delay is no multiple of the step, or shorter."""

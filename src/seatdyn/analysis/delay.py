@@ -1,14 +1,14 @@
 """Characteristic roots of a linear system with delayed forces.
 
-    D(s) = M s^2 + C s + K + sum over delays of exp(-s tau) (K_tau + s C_tau),   det D(s) = 0
+    det D(s) = 0,   D(s) = M s^2 + C s + K + sum over delays of exp(-s tau) (K_tau + s C_tau)
 
-has infinitely many roots, of which finitely many lie to the right of any vertical line. A delayed
-force sees few signals w = R x of the state x = [z, z'] (one, for a suspension). Its past
-w(t + theta), -tau <= theta <= 0, is carried along by u_t = u_theta; collocated in Chebyshev points
-that is a matrix, whose eigenvalues converge to the roots faster than any power of the number of
-points (Breda, Maset and Vermiglio, SIAM J. Sci. Comput. 27 (2005) 482). They are starting values:
-each root is then found by Newton's method on D itself, and their number is held against the
-argument principle, so that none is missing.
+(see `pencil`) has infinitely many roots, of which finitely many lie to the right of any vertical
+line. A delayed force sees few signals w = R y of the state y, displacements, velocities and states
+of elements (one signal, for a suspension). Its past w(t + theta), -tau <= theta <= 0, is carried
+along by u_t = u_theta; collocated in Chebyshev points that is a matrix, whose eigenvalues converge
+to the roots faster than any power of the number of points (Breda, Maset and Vermiglio, SIAM J. Sci.
+Comput. 27 (2005) 482). They are starting values: each root is then found by Newton's method on D
+itself, and their number is held against the argument principle, so that none is missing.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.linear import Array, ComplexArray, companion, dynamic_stiffness
+from seatdyn.analysis.linear import Array, ComplexArray
+from seatdyn.analysis.pencil import Pencil, state_columns
 from seatdyn.errors import RequestError
-from seatdyn.model.system import DelayedForces, LinearModel
+from seatdyn.model.system import LinearModel
 
 FEWEST_POINTS, MOST_POINTS = 16, 1024  # of a delay
 NEWTON_STEPS = 12
@@ -28,13 +29,14 @@ SETTLED = 1e-12  # last relative change of a root
 TOGETHER = 1e-5  # roots this near to each other, relatively, are one multiple root
 GAP = 1e-6  # relative distance of real parts between which the line of the count may lie
 LARGEST_EXPONENT = 300.0  # of exp(-s tau) on that line
-RANK = 1e-12  # singular values of a delayed force below this share of the largest are rounding
 TURN = 0.5  # largest estimated change of the logarithm between neighbours on the line
 MOST_SAMPLES = 2_000_000
 
 
 def rightmost_roots(model: LinearModel, count: int | None = None) -> tuple[ComplexArray, float]:
-    """Rightmost roots, at least `count` (2N), and the real part in 1/s above which these are all.
+    """Rightmost roots, at least `count`, and the real part in 1/s above which these are all.
+
+    Unless given, `count` is the number of poles without delay.
 
     Raises
     ------
@@ -50,37 +52,42 @@ def rightmost_roots(model: LinearModel, count: int | None = None) -> tuple[Compl
     >>> roots.size >= 6 and bool(np.all(roots.real > above))
     True
     """
-    wanted = 2 * model.size if count is None else count
+    pencil = Pencil.of(model)
+    wanted = pencil.degree if count is None else count
     points = FEWEST_POINTS
     while points <= MOST_POINTS:
-        found = _resolved(model, points, wanted)
-        if found is not None and roots_right_of(model, found[1]) == found[0].size:
+        found = _resolved(pencil, points, wanted)
+        if found is not None and _right_of(pencil, found[1]) == found[0].size:
             return found
         points *= 2
-    delay = max(group.delay for group in model.delayed)
     raise RequestError(
         f"The rightmost characteristic roots could not be told apart with {MOST_POINTS} points "
-        f"over the delay of {delay:g} s. Check its unit; a delay of many periods of the fastest "
-        "mode is out of reach."
+        f"over the delay of {model.delays[-1]:g} s. Check its unit; a delay of many periods of the "
+        "fastest mode is out of reach."
     )
 
 
 def roots_right_of(model: LinearModel, line: float) -> int:
-    """Number of roots with a real part > `line` (1/s), by the argument principle.
+    """Number of roots with a real part > `line` (1/s), by the argument principle."""
+    return _right_of(Pencil.of(model), line)
 
-    det D, which far out is s^2N det M, turns by N pi along the upper half of the line if no root
-    lies to the right of it, and by pi less for every one that does.
+
+def _right_of(pencil: Pencil, line: float) -> int:
+    """The same.
+
+    det D, which far out is s^p det M with p = 2N + q, turns by p pi/2 along the upper half of the
+    line if no root lies to the right of it, and by pi less for every one that does.
     """
-    far = _far_out(model, line)
+    far = _far_out(pencil, line)
     w = np.concatenate([[0.0], np.geomspace(1e-6 * far, far, 64)])
 
     def logarithm(w: Array) -> tuple[ComplexArray, Array]:
         """Phase factor of det D and the size of the derivative of its logarithm."""
-        d = dynamic_stiffness(model, line + 1j * w)
+        d = pencil.at(line + 1j * w)
         phase = np.linalg.slogdet(d)[0]
         slope = np.full(w.size, np.inf)
         fine = phase != 0.0
-        ratio = np.linalg.solve(d[fine], _slope(model, line + 1j * w[fine]))
+        ratio = np.linalg.solve(d[fine], pencil.slope(line + 1j * w[fine]))
         slope[fine] = np.abs(np.trace(ratio, axis1=1, axis2=2))
         return phase, slope
 
@@ -103,18 +110,19 @@ def roots_right_of(model: LinearModel, line: float) -> int:
         slope = np.concatenate([slope, extra[1]])[order]
     turned = float(np.sum(np.angle(phase[1:] / phase[:-1])))
     # what is left from here to infinity, where the phase of s is pi/2
-    angle = 2 * model.size * math.atan2(far, line)
-    turned += model.size * np.pi - angle - float(np.angle(phase[-1] * np.exp(-1j * angle)))
-    return round(model.size - turned / np.pi)
+    angle = pencil.degree * math.atan2(far, line)
+    turned += pencil.degree * np.pi / 2 - angle
+    turned -= float(np.angle(phase[-1] * np.exp(-1j * angle)))
+    return round(pencil.degree / 2 - turned / np.pi)
 
 
-def _resolved(model: LinearModel, points: int, wanted: int) -> tuple[ComplexArray, float] | None:
+def _resolved(pencil: Pencil, points: int, wanted: int) -> tuple[ComplexArray, float] | None:
     """Roots from `points` collocation points and the line left of them, if these settle."""
-    starts = np.linalg.eigvals(_collocated(model, points)).astype(complex)
+    starts = np.linalg.eigvals(_collocated(pencil, points)).astype(complex)
     starts = starts[np.argsort(-starts.real, kind="stable")]
-    longest = max(group.delay for group in model.delayed)
+    longest = max(late.delay for late in pencil.late)
     starts = starts[starts.real * longest > -LARGEST_EXPONENT][: 4 * wanted + 8]
-    roots, clear = _polished(model, starts)
+    roots, clear = _polished(pencil, starts)
     place = wanted
     while place < roots.size and clear[:place].all():
         gap = roots[place - 1].real - roots[place].real
@@ -124,7 +132,7 @@ def _resolved(model: LinearModel, points: int, wanted: int) -> tuple[ComplexArra
     return None
 
 
-def _polished(model: LinearModel, starts: ComplexArray) -> tuple[ComplexArray, NDArray[np.bool_]]:
+def _polished(pencil: Pencil, starts: ComplexArray) -> tuple[ComplexArray, NDArray[np.bool_]]:
     """Newton's method on det D from every start, sorted from the right; and what settled nearby.
 
     Starts that are nearly equal belong to one multiple root.
@@ -136,9 +144,9 @@ def _polished(model: LinearModel, starts: ComplexArray) -> tuple[ComplexArray, N
     room = np.where(near, np.inf, distance).min(1) / 2
     middle, step = s.copy(), np.zeros_like(s)
     for _ in range(NEWTON_STEPS):
-        d = dynamic_stiffness(model, s)
+        d = pencil.at(s)
         away = np.linalg.slogdet(d)[0] != 0.0  # not exactly on a root
-        ratio = np.linalg.solve(d[away], _slope(model, s[away]))
+        ratio = np.linalg.solve(d[away], pencil.slope(s[away]))
         step[~away] = 0.0
         step[away] = multiple[away] / np.trace(ratio, axis1=1, axis2=2)
         s = s - np.where(np.abs(s - step - middle) < room, step, 0.0)
@@ -147,42 +155,22 @@ def _polished(model: LinearModel, starts: ComplexArray) -> tuple[ComplexArray, N
     return s[order], settled[order]
 
 
-def _slope(model: LinearModel, s: ComplexArray) -> ComplexArray:
-    """dD/ds, (..., N, N)."""
-    n, z = model.size, np.asarray(s)[..., None, None]
-    prompt = model.prompt
-    total = prompt.damping + 2.0 * z * prompt.mass
-    for group in model.delayed:
-        k, c = group.stiffness[:n, :n], group.damping[:n, :n]
-        total = total + np.exp(-z * group.delay) * (c - group.delay * (k + z * c))
-    return np.asarray(total)
-
-
-def signals(group: DelayedForces, size: int) -> tuple[Array, Array]:
-    """Delayed forces on the free nodes as left (N, r) times right (r, 2N) of [z, z']."""
-    both = np.hstack([group.stiffness[:size, :size], group.damping[:size, :size]])
-    left, values, right = np.linalg.svd(both, full_matrices=False)
-    rank = int(np.sum(values > RANK * values[0])) if values[0] > 0.0 else 0
-    return left[:, :rank], values[:rank, None] * right[:rank]
-
-
-def _collocated(model: LinearModel, points: int) -> Array:
-    """Generator of the state [z, z'] and the past of all delayed signals."""
-    prompt, n = model.prompt, model.size
-    a = companion(prompt.mass, prompt.damping, prompt.stiffness)
-    blocks = [(group.delay, *signals(group, n)) for group in model.delayed]
-    size = 2 * n + points * sum(right.shape[0] for _, _, right in blocks)
+def _collocated(pencil: Pencil, points: int) -> Array:
+    """Generator of the state [z, z', x] and the past of all delayed signals."""
+    n, first = pencil.nodes, pencil.degree
+    blocks = [(late.delay, *late.signals(n)) for late in pencil.late]
+    size = first + points * sum(right.shape[0] for _, _, right in blocks)
     generator = np.zeros((size, size))
-    generator[: 2 * n, : 2 * n] = a
+    generator[:first, :first] = pencil.state_matrix()
     derivative = chebyshev_derivative(points)
-    place = 2 * n
+    place = first
     for delay, left, right in blocks:
-        pull = np.linalg.solve(model.mass, left)
+        pull = np.linalg.solve(pencil.mass, left)
         d = derivative * (2.0 / delay)
         for k in range(right.shape[0]):
             rows = slice(place, place + points)
             generator[rows, rows] = d[1:, 1:]
-            generator[rows, : 2 * n] = np.outer(d[1:, 0], right[k])
+            generator[rows, :first] = np.outer(d[1:, 0], right[k])
             generator[n : 2 * n, place + points - 1] = -pull[:, k]
             place += points
     return generator
@@ -200,18 +188,14 @@ def chebyshev_derivative(points: int) -> Array:
     return np.asarray(matrix - np.diag(matrix.sum(1)))
 
 
-def _far_out(model: LinearModel, line: float) -> float:
-    """Distance from the real axis beyond which M s^2 outweighs all else on the line."""
-    share = 1.0 / (4.0 * model.size)
-    prompt, n = model.prompt, model.size
+def _far_out(pencil: Pencil, line: float) -> float:
+    """Distance from the real axis beyond which det D turns as s^p does on the line, nearly.
 
-    def size(matrix: Array) -> float:
-        return float(np.linalg.norm(np.linalg.solve(model.mass, matrix), 2))
-
-    c, k = size(prompt.damping), size(prompt.stiffness)
-    for group in model.delayed:
-        grown = math.exp(-line * group.delay)
-        c += grown * size(group.damping[:n, :n])
-        k += grown * size(group.stiffness[:n, :n])
-    # c w + k <= share w^2
-    return (c + math.sqrt(c * c + 4.0 * share * k)) / (2.0 * share) + abs(line)
+    With y' = A y - B w and late signals w = R y, det D is det(s I - X), X = A - e^(-s tau) B R. No
+    eigenvalue of X exceeds the largest of a matrix that bounds its entries (Perron, Frobenius).
+    """
+    n, bound = pencil.nodes, np.abs(pencil.state_matrix())
+    for late in pencil.late:
+        pull = np.linalg.solve(pencil.mass, state_columns(late.stiffness, late.damping, n))
+        bound[n : 2 * n] += math.exp(-line * late.delay) * np.abs(pull)
+    return 2.0 * pencil.degree * float(np.abs(np.linalg.eigvals(bound)).max()) + abs(line)

@@ -1,6 +1,7 @@
 """One delayed force and every delay with a pole on the imaginary axis, exactly.
 
-With the delayed force f(t) = c' x(t - tau) of the state x = [z, z'], x' = A x - b f,
+With the delayed force f(t) = c' y(t - tau) of the state y (displacements, velocities, states of
+elements), y' = A y - b f,
 
     poles:   1 + exp(-s tau) G(s) = 0,   G(s) = c' (s I - A)^-1 b
 
@@ -15,14 +16,14 @@ for every delay.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.analysis.characteristic import parameter
-from seatdyn.analysis.delay import RANK
 from seatdyn.analysis.linear import Array, ComplexArray, companion, on_left
+from seatdyn.analysis.pencil import RANK, Pencil, state_columns
 from seatdyn.errors import RequestError
 from seatdyn.model.system import LinearModel
 
@@ -36,11 +37,12 @@ CHUNK = 4096  # points whose matrices are held at once
 
 @dataclass(frozen=True)
 class Loop:
-    """One delayed force at P points: A (P, 2N, 2N), b (P, 2N), c (P, 2N)."""
+    """One delayed force at P points: A (P, S, S), b (P, S), c (P, S), S = 2N + q."""
 
     a: Array
     b: Array
     c: Array
+    nodes: int  # N
 
     def gain(self, w: Array, point: NDArray[np.int_]) -> tuple[ComplexArray, ComplexArray]:
         """G(i w) and G'/G at rates w of the points."""
@@ -83,46 +85,43 @@ def loop_of(model: LinearModel, values: Mapping[str, Array] | None = None) -> Lo
     RequestError
         No force is delayed, or several independent ones.
     """
-    n, values = model.size, values or {}
+    pencil, n, values = Pencil.of(model), model.size, values or {}
     terms = {name: parameter(model, name) for name in values}
     count = next((np.size(value) for value in values.values()), 1)
-    late = list(model.delayed)
-    prompt = model.prompt
-    matrices = [np.broadcast_to(m, (count, n, n)) for m in
-                (prompt.stiffness, prompt.damping, prompt.mass)]  # fmt: skip
-    k, c = (
-        sum((np.asarray(m)[:n, :n] for m in parts), np.zeros((n, n)))
-        for parts in ([g.stiffness for g in late], [g.damping for g in late])
-    )
+    matrices = [np.broadcast_to(m, (count, *m.shape)) for m in
+                (pencil.stiffness, pencil.damping, pencil.mass)]  # fmt: skip
+    late = [state_columns(part.stiffness, part.damping, n) for part in pencil.late]
     lefts = [term.left[:, None] for term in terms.values() if term.delay > 0.0]
-    left, sizes, _ = np.linalg.svd(np.hstack([k, c, *lefts]))
-    if not late or len({group.delay for group in late}) > 1 or np.sum(sizes > RANK * sizes[0]) > 1:
+    left, sizes, _ = np.linalg.svd(np.hstack([*late, *lefts, np.zeros((n, 1))]))
+    if len(late) != 1 or np.sum(sizes > RANK * sizes[0]) > 1:
         raise RequestError(
-            f"This system has {len(late)} delayed forces that act independently; delay_margin and "
-            "maps over delay take one: a suspension between two nodes, or one feedback force. "
-            "Follow the poles with `poles`."
+            f"This system has {'no' if not late else 'several'} delayed forces that act "
+            "independently; delay_margin and maps over delay take one: a suspension between two "
+            "nodes, or one feedback force. Follow the poles with `poles`."
         )
     direction = left[:, 0]
-    signal = np.broadcast_to(np.concatenate([direction @ k, direction @ c]), (count, 2 * n))
+    signal = np.broadcast_to(direction @ late[0], (count, pencil.degree))
     for name, term in terms.items():
         change = np.asarray(values[name], dtype=float) - term.value
         if term.delay > 0.0:
-            row = np.zeros(2 * n)
+            row = np.zeros(pencil.degree)
             row[term.order * n : (term.order + 1) * n] = (direction @ term.left) * term.right
             signal = signal + change[:, None] * row
         else:
-            addition = change[:, None, None] * np.outer(term.left, term.right)
-            matrices[term.order] = matrices[term.order] + addition
+            entry = np.zeros(matrices[term.order].shape[1:])
+            entry[:n, :n] = np.outer(term.left, term.right)
+            matrices[term.order] = matrices[term.order] + change[:, None, None] * entry
     stiffness, damping, mass = matrices
-    b = np.zeros((count, 2 * n))
-    b[:, n:] = np.linalg.solve(mass, np.broadcast_to(direction[:, None], (count, n, 1)))[..., 0]
-    return Loop(companion(mass, damping, stiffness), b, signal)
+    b = np.zeros((count, pencil.degree))
+    pull = np.linalg.solve(mass, np.broadcast_to(direction[:, None], (count, n, 1)))
+    b[:, n : 2 * n] = pull[..., 0]
+    return Loop(companion(mass, damping, stiffness), b, signal, n)
 
 
 def loop_crossings(loop: Loop) -> Crossings:
     """All poles on the imaginary axis for any delay, at every point of a loop."""
     parts = [
-        _crossings_of(Loop(loop.a[part], loop.b[part], loop.c[part]), start)
+        _crossings_of(replace(loop, a=loop.a[part], b=loop.b[part], c=loop.c[part]), start)
         for start in range(0, len(loop.a), CHUNK)
         for part in [slice(start, start + CHUNK)]
     ]
@@ -138,8 +137,8 @@ def _crossings_of(
     radius = np.abs(closed).max(axis=1, keepdims=True)
     unstable = np.sum(~on_left(closed.real, radius), axis=1)
     # b and c of one size, and displacements of the size of velocities: only accuracy depends on it
-    n = a.shape[-1] // 2
-    rate = np.sqrt(np.abs(a[:, n:, :n]).max(axis=(1, 2)))
+    n, size = loop.nodes, a.shape[-1]
+    rate = np.sqrt(np.abs(a[:, n : 2 * n, :n]).max(axis=(1, 2)))
     scale = np.ones(b.shape)
     scale[:, :n] = np.where(rate > 0.0, rate, 1.0)[:, None]
     a_scaled = scale[:, :, None] * a / scale[:, None, :]
@@ -148,7 +147,6 @@ def _crossings_of(
         even = np.linalg.norm(c_scaled, axis=1) / np.linalg.norm(b_scaled, axis=1)
     even = np.sqrt(np.where(np.isfinite(even) & (even > 0.0), even, 1.0))[:, None]
     b_scaled, c_scaled = b_scaled * even, c_scaled / even
-    size = 2 * n
     hamiltonian = np.empty((len(a), 2 * size, 2 * size))
     hamiltonian[:, :size, :size] = a_scaled
     hamiltonian[:, size:, size:] = -np.swapaxes(a_scaled, 1, 2)

@@ -26,10 +26,10 @@ from seatdyn.analysis.linear import (
     Linearise,
     Variable,
     as_linear_model,
-    companion,
     labelled,
     on_left,
 )
+from seatdyn.analysis.pencil import Pencil
 from seatdyn.errors import RequestError
 from seatdyn.model.system import DelayedForces, LinearModel, SeatSystem
 from seatdyn.units import DELAY, number
@@ -62,11 +62,11 @@ def delayed_map(
             f"stability_map got {len(parameters)} parameters ({', '.join(parameters)}); with a "
             f"delay it takes at most {MOST_PARAMETERS}."
         )
-    model = as_linear_model(system, linearise, delays=True)
-    own = sorted({group.delay for group in model.delayed})
+    model = as_linear_model(system, linearise, delays=True, memory=True)
+    own = list(model.delays)
     if not own and isinstance(system, SeatSystem):
         model = delayed_model(system, "suspension", linearise)
-    if len(own) > 1 or not model.delayed:
+    if len(own) > 1 or not model.delays:
         raise RequestError(
             f"The delayed forces of this system have the delays {own} s; a map takes one. Give a "
             "SeatSystem with one delay or none (then that of its suspension is varied)."
@@ -150,10 +150,9 @@ def rightmost_over(
 
 def poles_of(model: LinearModel) -> ComplexArray:
     """The rightmost poles with delays, all poles without."""
-    if model.delayed:
+    if model.delays:
         return rightmost_roots(model)[0]
-    a = companion(model.mass, model.damping, model.stiffness)
-    return np.linalg.eigvals(a).astype(complex)
+    return np.linalg.eigvals(Pencil.of(model).state_matrix()).astype(complex)
 
 
 def with_values(model: LinearModel, values: Mapping[str, float]) -> LinearModel:

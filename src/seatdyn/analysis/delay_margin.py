@@ -39,8 +39,8 @@ def delay_margin(
 
     Parameters
     ----------
-    system, linearise : as in `poles`; its other forces must act at once. What delay it has itself
-        plays no role
+    system, linearise : as in `poles`, elements with states included; its other forces must act at
+        once. What delay it has itself plays no role
     of : what is delayed: "suspension", "feedback", or the name of an element. For a SeatedBody the
         feedback, for a LinearModel the forces that it holds as delayed
     maximum : largest delay of the list of switches, s, 0 .. 10
@@ -102,17 +102,16 @@ def delay_margin(
 def delayed_model(system: Linearisable, of: str, linearise: Linearise = None) -> LinearModel:
     """Linear model in which only what `of` names is delayed, by one second."""
     if isinstance(system, LinearModel):
-        model = as_linear_model(system, linearise, delays=True)
+        model = as_linear_model(system, linearise, delays=True, memory=True)
     elif isinstance(system, SeatSystem):
         model = linear_model(system.delayed(1.0, of), linearise)
     else:
         as_linear_model(system, linearise, delays=True)
         model = linear_model(system.delayed(1.0), linearise)  # type: ignore[union-attr]
-    model.refuse_relaxing()
-    late = {group.delay for group in model.delayed}
-    if len(late) > 1:
+    if len(model.delays) > 1:
         raise RequestError(
-            f"Beside {of} other forces of this system are delayed: {sorted(late - {1.0})} s. "
+            f"Beside {of} other forces of this system are delayed: "
+            f"{sorted({*model.delays} - {1.0})} s. "
             "delay_margin and maps over delay vary one delay; set the others to 0, or follow the "
             "poles with `poles`."
         )
@@ -164,5 +163,6 @@ def with_delay(model: LinearModel, delay: float) -> LinearModel:
     """The model with its delayed forces late by `delay` s, which may be 0."""
     if delay > 0.0:
         late = tuple(replace(group, delay=delay) for group in model.delayed)
-        return replace(model, delayed=late)
+        relaxing = tuple(replace(one, delay=delay) if one.delay else one for one in model.relaxing)
+        return replace(model, delayed=late, relaxing=relaxing)
     return model.undelayed

@@ -112,17 +112,24 @@ def dynamic_stiffness(model: LinearModel, s: ComplexArray) -> ComplexArray:
 def companion(mass: Array, damping: Array, stiffness: Array) -> Array:
     """A of x' = A x with x = [z, z'], (..., 2N, 2N), from (stacks of) M, C, K, (..., N, N).
 
+    Where C and K have q rows more, of states as in `pencil`, these are the last of x.
+
     Raises
     ------
     ModelError
         A is not finite.
     """
-    n = mass.shape[-1]
+    n, m = mass.shape[-1], mass.shape[-1] + stiffness.shape[-1]
     shape = np.broadcast_shapes(mass.shape[:-2], damping.shape[:-2], stiffness.shape[:-2])
-    a = np.zeros((*shape, 2 * n, 2 * n))
-    a[..., :n, n:] = np.eye(n)
-    a[..., n:, :n] = -np.linalg.solve(mass, stiffness)
-    a[..., n:, n:] = -np.linalg.solve(mass, damping)
+    a = np.zeros((*shape, m, m))
+    a[..., :n, n : 2 * n] = np.eye(n)
+    a[..., n : 2 * n, :n] = -np.linalg.solve(mass, stiffness[..., :n, :n])
+    a[..., n : 2 * n, n : 2 * n] = -np.linalg.solve(mass, damping[..., :n, :n])
+    if m > 2 * n:
+        a[..., n : 2 * n, 2 * n :] = -np.linalg.solve(mass, stiffness[..., :n, n:])
+        a[..., 2 * n :, :n] = -stiffness[..., n:, :n]
+        a[..., 2 * n :, n : 2 * n] = -damping[..., n:, :n]
+        a[..., 2 * n :, 2 * n :] = -stiffness[..., n:, n:]
     if not np.all(np.abs(a) < LARGEST):
         raise ModelError(
             f"Stiffness or damping over mass is not finite or beyond {LARGEST:g} 1/s^2, 1/s; no "
@@ -181,10 +188,10 @@ def poles(system: Linearisable, *, linearise: Linearise = None) -> xr.Dataset:
     xarray.Dataset
         Over `mode`: `real`, `imag` (>= 0) in 1/s; `f0` = |s|/2 pi (undamped) and `fd` = imag/2 pi
         (damped) in Hz; `damping_ratio` = -real/|s|; `stable`. Over `root`: `pole`, complex, all
-        2N of them. Attribute `stable`, 1 if every pole has a negative real part; one that is zero
-        to rounding counts as unstable. With delayed forces the poles are infinitely many: these
-        are the rightmost, at least 2N, and all whose real part exceeds the attribute
-        `complete_above` in 1/s (-inf without delay).
+        of them, 2N and one for each state of an element. Attribute `stable`, 1 if every pole has a
+        negative real part; one that is zero to rounding counts as unstable. With delayed forces the
+        poles are infinitely many: these are the rightmost, at least as many, and all whose real
+        part exceeds the attribute `complete_above` in 1/s (-inf without delay).
 
     Raises
     ------
@@ -365,43 +372,24 @@ def _sorted_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
             "No mass moves by itself here: all of it is on the seat, which is driven. Put the body "
             "on a Seat, or give it a mass that a Link carries."
         )
-    above = -np.inf
-    if model.delayed or any(one.delay for one in model.relaxing):
-        model.refuse_relaxing()
+    from seatdyn.analysis.pencil import Pencil
+
+    above, pencil = -np.inf, Pencil.of(model)
+    if model.delays:
         from seatdyn.analysis.delay import rightmost_roots
 
         values, above = rightmost_roots(model)
-        vectors = np.linalg.svd(dynamic_stiffness(model, values))[2][:, -1].conj().T
+        vectors = np.linalg.svd(pencil.at(values))[2][:, -1].conj().T
     else:
-        values, vectors = np.linalg.eig(_state_matrix(model))
+        values, vectors = np.linalg.eig(pencil.state_matrix())
     values = values.astype(complex)
     order = np.lexsort((-values.imag, values.real, np.abs(values)))
     upper = np.array([i for i in order if values[i].imag >= 0.0])
     shapes = vectors[: model.size, upper].T.astype(complex)
-    largest = np.argmax(np.abs(shapes), axis=1)[:, None]
-    shapes = shapes / np.take_along_axis(shapes, largest, axis=1)
+    place = np.argmax(np.abs(shapes), axis=1)[:, None]
+    largest: ComplexArray = np.take_along_axis(shapes, place, axis=1)
+    shapes[:] /= np.where(largest == 0.0, 1.0, largest)  # a state may relax by itself
     return values[upper], shapes, with_conjugates(values[upper]), above
-
-
-def _state_matrix(model: LinearModel) -> Array:
-    """A of y' = A y with y the displacements, the velocities, and the states of elements."""
-    prompt, n = model.prompt, model.size
-    k, c = prompt.stiffness.copy(), prompt.damping.copy()
-    for one in model.relaxing:
-        b = one.across[:n]
-        k += one.element.k * np.outer(b, b)
-        c += one.element.g * np.outer(b, b)
-    a = companion(prompt.mass, c, k)
-    for one in model.relaxing:
-        b, size = one.across[:n], len(a)
-        grown = np.zeros((size + len(one.element.b),) * 2)
-        grown[:size, :size] = a
-        grown[n : 2 * n, size:] = -np.outer(np.linalg.solve(prompt.mass, b), one.element.c)
-        grown[size:, :n] = np.outer(one.element.b, b)
-        grown[size:, n : 2 * n] = np.outer(one.element.e, b)
-        grown[size:, size:] = one.element.a
-        a = grown
-    return a
 
 
 def with_conjugates(upper: ComplexArray) -> ComplexArray:

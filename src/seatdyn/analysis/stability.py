@@ -54,7 +54,7 @@ def is_stable(
     system, linearise : as in `poles`
     method : "poles" (eigenvalues) or "hurwitz" (characteristic polynomial, Routh's array). The
         second loses accuracy from about ten masses on, as every polynomial of that degree does.
-        With delayed forces "poles" only.
+        With delayed forces or states of elements "poles" only.
 
     Raises
     ------
@@ -67,13 +67,13 @@ def is_stable(
     >>> sd.is_stable(sd.load_body("ksiazek1997_back_on"), method="hurwitz")
     True
     """
-    model = as_linear_model(system, linearise, delays=method == "poles")
     hurwitz = _checked(method) == "hurwitz"
+    model = as_linear_model(system, linearise, delays=not hurwitz, memory=not hurwitz)
     if model.size == 0:
         return True  # an inert load on a driven seat has no pole
     if hurwitz:
         return bool(_hurwitz_at(model, {})[0])
-    if model.delayed:
+    if model.delayed or model.relaxing:
         return bool(poles(model).attrs["stable"])
     real, radius = _rightmost(model, {}, slice(0, 1))
     return bool(on_left(real, radius)[0])
@@ -126,7 +126,7 @@ def stability_map(
     >>> sd.stability_map(system, seat_mass=[25.0, 35.0], damping=[520.0]).stable.values.tolist()
     [[False], [True]]
     """
-    if "delay" in parameters or as_linear_model(system, linearise, delays=True).delayed:
+    if "delay" in parameters or as_linear_model(system, linearise, delays=True, memory=True).delays:
         from seatdyn.analysis.delay_map import delayed_map
 
         return delayed_map(system, parameters, method, linearise, progress)

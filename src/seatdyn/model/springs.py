@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from seatdyn.errors import ModelError
 from seatdyn.kernels import laws, memory_laws
 from seatdyn.model.elements import Law, NonlinearElement
-from seatdyn.model.memory import MemoryElement, MemoryLaw
+from seatdyn.model.memory import LinearMemory, MemoryElement, MemoryLaw
 from seatdyn.units import LENGTH, STIFFNESS, Limits, number, quantity
 
 ATMOSPHERE = 101325.0  # Pa, standard atmosphere
@@ -140,6 +142,19 @@ class AirSpringWithTank(MemoryElement):
         """Equal pressures: (1 - s)/(1 + A d/V_b) = 1 + s V_b/V_t."""
         grown = self.area * d / self.volume
         return (-grown / (1.0 + (1.0 + grown) * self.volume / self.tank),)
+
+    def linearised(self) -> LinearMemory:
+        """Both pressures by their slopes at d = 0: p_b falls by n p0 (s + A d/V_b)."""
+        gas = self.exponent * self.pressure
+        flow, rise = gas / (self.restriction * self.volume), self.area / self.volume
+        return LinearMemory(
+            np.array([[-flow * (1.0 + self.volume / self.tank)]]),
+            np.array([-flow * rise]),
+            np.zeros(1),
+            np.array([gas * self.area]),
+            gas * self.area * rise,
+            0.0,
+        )
 
 
 @dataclass(frozen=True)

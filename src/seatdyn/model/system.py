@@ -113,20 +113,26 @@ class LinearModel:
         """The same without its delayed forces and relaxing elements."""
         return replace(self, delayed=(), relaxing=())
 
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """The different delays in s > 0 of its forces, sorted."""
+        late = {group.delay for group in self.delayed} | {one.delay for one in self.relaxing}
+        return tuple(sorted(late - {0.0}))
+
     @cached_property
     def undelayed(self) -> LinearModel:
         """The same with all forces at once."""
         return replace(
             self,
             delayed=(),
+            relaxing=tuple(replace(one, delay=0.0) for one in self.relaxing),
             passive_stiffness=self.passive_stiffness + sum(g.stiffness for g in self.delayed),
             passive_damping=self.passive_damping + sum(g.damping for g in self.delayed),
         )
 
     def refuse_delays(self) -> None:
         """Raise a RequestError where forces are delayed: for who has no place for them."""
-        if self.delayed:
-            refuse_delays(tuple(sorted({group.delay for group in self.delayed})))
+        refuse_delays(self.delays)
         self.refuse_relaxing()
 
     def refuse_relaxing(self) -> None:
@@ -463,5 +469,5 @@ def refuse_memory(names: Sequence[str]) -> None:
         raise RequestError(
             "This analysis does not know elements with states of their own, such as "
             f"{', '.join(names)} here. Use simulate or steady_state; of "
-            "linear ones, poles and frequency_response."
+            "linear ones poles, frequency_response, is_stable or delay_margin."
         )
