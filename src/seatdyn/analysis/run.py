@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("seatdyn")
 
 LONGEST_LADDER_STEP = 0.1  # s
+LADDER_REACH = 4  # times that, with the linear part exact: half a period of the input
 MOST_SEGMENTS = 16  # of an input that the ladder is used for
 PIECE = 30.0  # s of a long run between two reports of progress
 SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
@@ -187,7 +188,7 @@ class Problem:
             return LateProblem.make(system, motion, settings)
         plant = lower(system, motion)
         longest = min(motion.longest_step, LONGEST_LADDER_STEP)
-        ladder = make_ladder(plant, 2 * longest)
+        ladder = make_ladder(plant, LADDER_REACH * longest)
         return cls(system, motion, settings, plant, ladder, longest)
 
     @property
