@@ -264,6 +264,8 @@ class Solver:
             self.keep()
             r = self.residual(x)  # with the events of this motion
             size, norm = float(np.linalg.norm(x)) + 1e-300, float(np.linalg.norm(r))
+            if not np.isfinite(norm):  # of too many events, say: no step leads on from there
+                return NOT_CONVERGED, math.inf
             if norm <= tolerance * size:
                 return CONVERGED, norm / size
             if self.near is None:
