@@ -9,11 +9,12 @@ import pytest
 
 import seatdyn as sd
 from conftest import paper_system
+from seatdyn.analysis.balance import balance
 from seatdyn.model.custom import CustomElement
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.memory import MemoryElement
 from seatdyn.model.shift import Shifted
-from seats_at_random import ALLOWED, KINDS, TOLERANCE, miss, outcome_of, random_set
+from seats_at_random import ALLOWED, KINDS, TOLERANCE, Outcome, miss, outcome_of, random_set
 
 
 def check(cases, sampled):
@@ -124,3 +125,25 @@ def test_growth_beside_an_element_with_states_is_unstable():
     assert case.kinds == ("Zener", "balance damper")
     state = sd.steady_state(case.system, case.sine, method="time", tolerance=TOLERANCE)
     assert state.attrs["status"] == "unstable"
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.SeatdynWarning")
+def test_a_motion_is_led_from_another_level():
+    """Unstable, and on no branch that begins at level zero; the response is quasi-periodic."""
+    case = random_set(5640)
+    asked = {"method": "hb", "tolerance": TOLERANCE}
+    state = sd.steady_state(case.system, case.sine, **asked)
+    assert (state.attrs["status"], state.attrs["stable"]) == ("converged", 0)
+    outcome = Outcome("converged", "hb", 0, "", "", state)
+    assert miss(case, outcome) <= ALLOWED * TOLERANCE
+
+
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.SeatdynWarning")
+def test_no_steps_from_where_forces_have_no_number():
+    """Dry friction about its rest: too many events at the start of every attempt, and no more."""
+    case = random_set(5222)
+    lost = balance(case.system, case.sine, TOLERANCE)
+    assert not lost.found
+    assert lost.evaluations < 50  # 75 or more of every attempt, each of them slow
+    held = sd.steady_state(case.system, case.sine, method="hb", tolerance=TOLERANCE)
+    assert (held.attrs["status"], held.attrs["finished"]) == ("converged", "time")

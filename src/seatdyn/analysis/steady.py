@@ -83,8 +83,8 @@ def steady_state(
     allowed are too few, Newton's method on the period map finishes; where it fails and a force
     jumps, the seat may rest on the jump, which harmonics cannot follow, and time integration looks
     for that motion, starting with the seat moving as the base (attribute `finished` "time" in both
-    cases). The motion may be unstable (attribute `stable` 0): it solves the equations, but no test
-    will show it.
+    cases). Where that fails, too, it is led from a motion at another level of the excitation. The
+    motion may be unstable (attribute `stable` 0): it solves the equations, but no test shows it.
 
     "time" integrates from rest until the state repeats; when it nearly does, Newton's method on the
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
@@ -157,6 +157,7 @@ def _by_balance(
 ) -> xr.Dataset | None:
     """Steady state by harmonic balance; with "auto" None where integration has to decide."""
     from seatdyn.analysis.balance import balance
+    from seatdyn.analysis.neighbours import from_neighbour
     from seatdyn.analysis.steady_balance import balanced_state
 
     known = not (system.delays or isinstance(excitation, WithForces))
@@ -173,6 +174,11 @@ def _by_balance(
     data = balanced_state(balanced, excitation, tolerance, check=check)
     if known and method == "hb":
         finished = _finish(balanced, excitation, data.attrs["status"], tolerance, check=check)
+        if finished is None and data.attrs["status"] == Status.NOT_CONVERGED:
+            neighbour = from_neighbour(system, excitation, tolerance)
+            if neighbour is not None:
+                balanced = neighbour
+                data = balanced_state(balanced, excitation, tolerance, check=check)
         data = data if finished is None else finished
     good = data.attrs["status"] == Status.CONVERGED and data.attrs["stable"] == 1
     if not good and method == "auto":
