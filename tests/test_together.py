@@ -13,8 +13,18 @@ import numba
 import pytest
 
 import seatdyn as sd
+from seatdyn.analysis.balance import balance
 from seatdyn.analysis.run import Problem, Settings
-from seatdyn.kernels import dense, exponential, integrate, plant, together
+from seatdyn.kernels import (
+    condensed,
+    dense,
+    exponential,
+    integrate,
+    levels,
+    orbit,
+    plant,
+    together,
+)
 
 # a kernel of two stages; each process writes down which functions it compiles, by its share
 TINY = """
@@ -179,18 +189,29 @@ def test_declared_types_are_those_of_a_run():
     run = problem.run(0.0, 0.1, problem.start([0.0] * (2 * problem.plant.linear.shape[0])))
     run.at(run.record[:, 0])
     assert dense.sample.signatures == [dense.sample.arguments]
+    found = balance(system, sd.Sine(1.55, amplitude=0.8857), 1e-4)
+    assert numba.typeof(found.problem) == condensed.CONDENSED
+    assert numba.typeof(found.work) == condensed.WORK
+    assert numba.typeof(found.look) == orbit.LOOK
+    found.floquet()
+    found.start()
+    for function in levels.SHARES.later:
+        assert function.signatures == [function.arguments]
 
 
 @pytest.mark.slow
 @TWO_CORES
-def test_a_run_needs_what_was_compiled_for_it(tmp_path):
+@pytest.mark.parametrize(
+    ("method", "module"), [("time", integrate.__name__), ("hb", levels.__name__)]
+)
+def test_a_run_needs_what_was_compiled_for_it(tmp_path, method, module):
     """Each stage is compiled once, for its declared types: here, or there and found here."""
-    code = """
+    code = f"""
 import json, seatdyn as sd
 seat = sd.Seat(35.0, [sd.Spring(9950.0), sd.QuadraticDamper(100.0)])
 system = sd.SeatSystem(sd.load_body("ksiazek1997_back_off"), seat)
-sd.steady_state(system, sd.Sine(1.55, amplitude=0.8857), method="time")
-from seatdyn.kernels.integrate import SHARES
+sd.steady_state(system, sd.Sine(1.55, amplitude=0.8857), method={method!r})
+from {module} import SHARES
 print(json.dumps([
     [(f.__name__, list(map(str, f.signatures)) == [str(f.arguments)],
       sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values())) for f in share]
@@ -206,9 +227,10 @@ print(json.dumps([
         assert (name, as_declared, hits + misses) == (name, True, 1)
     for name, as_declared, hits, misses in there:
         assert (name, as_declared, hits, misses) == (name, True, 1, 0)
-    assert later[0][2:] == [1, 0]  # sample; element_forces is not needed here
+    assert later[0][2:] == [1, 0]  # not all of the rest is needed here
 
 
-def test_shares_name_every_stage_once():
-    names = [function.__name__ for share in integrate.SHARES for function in share]
+@pytest.mark.parametrize("shares", [integrate.SHARES, levels.SHARES])
+def test_shares_name_every_stage_once(shares):
+    names = [function.__name__ for share in shares for function in share]
     assert len(set(names)) == len(names)

@@ -35,6 +35,7 @@ from seatdyn.kernels.dense import element_forces
 from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE
 from seatdyn.kernels.orbit import Look, make_look
+from seatdyn.kernels.together import compile_together
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import DEGREES, Excitation, Motion
 from seatdyn.model.memory import MemoryElement
@@ -334,6 +335,7 @@ def solve(
     if guess is not None:
         known = min(len(guess), first // OVERSAMPLING)
         work.series[KEPT, :known] = guess[:known]
+    compile_together(levels.__name__)
     code, error, samples, evaluations = levels.ascend(
         problem, work, look, tolerance, first, work.lines.shape[1], guess is not None
     )

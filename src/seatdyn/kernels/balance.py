@@ -21,6 +21,7 @@ from seatdyn.kernels.condensed import (
     BEFORE,
     CHANGE,
     CHANNEL,
+    CONDENSED,
     CORNER,
     DISPLACEMENT,
     FORCE,
@@ -37,6 +38,7 @@ from seatdyn.kernels.condensed import (
     SERIES,
     TAILS,
     VELOCITY,
+    WORK,
     across,
     add_sawtooths,
     copy_events,
@@ -45,7 +47,8 @@ from seatdyn.kernels.condensed import (
     tail_weights,
 )
 from seatdyn.kernels.fourier import harmonics, samples_of
-from seatdyn.kernels.jit import inner, spliced
+from seatdyn.kernels.jit import inner, spliced, stage, takes
+from seatdyn.kernels.shapes import INTEGER, REAL
 from seatdyn.kernels.tangent import (
     apply_inverse,
     mean_inverse,
@@ -154,7 +157,8 @@ def size_of(series, count):
     return math.sqrt(total)
 
 
-@inner
+@takes(CONDENSED, WORK, INTEGER, REAL, INTEGER)
+@stage
 def solve_level(problem, work, n, tolerance, factors):
     """Newton's method with n samples from the present series, which it changes.
 

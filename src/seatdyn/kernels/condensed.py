@@ -28,9 +28,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import inner, spliced
+from seatdyn.kernels.shapes import (
+    BLOCK,
+    COMPLEX_BLOCK,
+    COMPLEX_TABLE,
+    COMPLEX_VECTOR,
+    INTEGER_TABLE,
+    REAL,
+    TABLE,
+    VECTOR,
+)
 
 OVERSAMPLING = 2  # samples per harmonic
 
@@ -91,6 +102,17 @@ class Work(NamedTuple):
     events: np.ndarray
 
 
+CONDENSED = types.NamedTuple(
+    [
+        TABLE, TABLE, TABLE, BLOCK, BLOCK, INTEGER_TABLE, INTEGER_TABLE, VECTOR, TABLE,
+        COMPLEX_VECTOR, VECTOR, VECTOR, VECTOR, REAL, VECTOR, BLOCK,
+    ],
+    Condensed,
+)  # fmt: skip
+WORK = types.NamedTuple(
+    [COMPLEX_BLOCK, COMPLEX_BLOCK, COMPLEX_TABLE, COMPLEX_TABLE, BLOCK, TABLE, TABLE, BLOCK], Work
+)
+NO_BREAK = np.int64(-1)  # numpy's, for which functions are not compiled apart as for Python's
 LEVEL, STRENGTH = 0, 1  # places in Condensed.scale
 # places in Work.series: the motion; without its sawtooths; forces; residual; the motion before a
 # step; the step; a motion kept; its change with a parameter; the tangent times a direction; the

@@ -27,9 +27,11 @@ from seatdyn.kernels.columns import (
 )
 from seatdyn.kernels.condensed import (
     CHANNEL,
+    CONDENSED,
     CORNER,
     DISPLACEMENT,
     JUMP,
+    NO_BREAK,
     OVERSAMPLING,
     PHASE,
     PRESENT,
@@ -37,12 +39,14 @@ from seatdyn.kernels.condensed import (
     ROW,
     SERIES,
     VELOCITY,
+    WORK,
     number_of,
     reduce_series,
     state_at,
     tail_weights,
 )
-from seatdyn.kernels.jit import inner, kernel, spliced
+from seatdyn.kernels.jit import inner, kernel, spliced, takes
+from seatdyn.kernels.shapes import BLOCK, INTEGER
 
 STEPS = 256  # per period, at least; a step ends on every second sample or oftener
 STIFFNESS_SHARE = 0.4  # of the fastest rate of the deviations that a step may take
@@ -178,6 +182,7 @@ def next_event(events, theta):
     return place, best
 
 
+@takes(CONDENSED, WORK, INTEGER, INTEGER, BLOCK, BLOCK)
 @kernel
 def monodromy(problem, work, samples, refinement, space, slopes):
     """Fill space[0], (2N, 2N), with the monodromy matrix.
@@ -205,11 +210,11 @@ def monodromy(problem, work, samples, refinement, space, slopes):
         for c in range(x.shape[0]):
             x[i, c] = 1.0 if i == c else 0.0
     share, slow = STIFFNESS_SHARE * problem.omega / refinement, linear_rate(problem)
-    slowest, theta, row, side = np.inf, 0.0, -1, 1.0
+    slowest, theta, row, side = np.inf, 0.0, NO_BREAK, 1.0
     grid = 2.0 * math.pi / (max(STEPS, samples // 2) * refinement)
     while theta < 2.0 * math.pi:
         e, stop = next_event(events, theta)
-        next_row, rate = -1, 0.0
+        next_row, rate = NO_BREAK, 0.0
         if e >= 0:
             j, next_row = int(events[e, CHANNEL]), int(events[e, ROW])
             q = problem.breaks[next_row, ON_VELOCITY]
@@ -232,9 +237,9 @@ def monodromy(problem, work, samples, refinement, space, slopes):
                 h = stop - theta if last else h
                 end = stop if last else theta + h
                 channel_slopes(
-                    problem, work, count, end, next_row if last else -1, next_side, slopes[2]
+                    problem, work, count, end, next_row if last else NO_BREAK, next_side, slopes[2]
                 )
-                channel_slopes(problem, work, count, 0.5 * (theta + end), -1, 1.0, slopes[1])
+                channel_slopes(problem, work, count, 0.5 * (theta + end), NO_BREAK, 1.0, slopes[1])
                 worst = fastest_rate(problem, slopes[1], fastest_rate(problem, slopes[2], slow))
                 if worst * h <= 2.0 * share:
                     break

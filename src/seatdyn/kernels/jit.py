@@ -31,7 +31,7 @@ MEMORY_FORCE = types.float64(
 MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
 LANES_LAW = types.void(types.int64, *[types.CPointer(types.float64)] * 4)
 COMPILE_HINT_AFTER = 1.0  # s
-TIME_ENGINE, BALANCE = 20.0, 60.0  # s that their kernels take to compile
+TIME_ENGINE, BALANCE = 20.0, 40.0  # s that their kernels take to compile
 
 
 @functools.cache

@@ -28,8 +28,10 @@ from seatdyn.kernels.condensed import (
     respond,
     tail_weights,
 )
+from seatdyn.kernels.floquet import monodromy
 from seatdyn.kernels.jit import inner, kernel
-from seatdyn.kernels.orbit import HIGH, HIGH_BEFORE, LOW, LOW_BEFORE, find_extrema
+from seatdyn.kernels.orbit import HIGH, HIGH_BEFORE, LOW, LOW_BEFORE, find_extrema, states
+from seatdyn.kernels.together import Shares
 
 NOT_ACCURATE = 4  # the finest level allowed does not meet the tolerance
 NEWTON_SHARE, SMALLEST_RESIDUAL = 0.01, 1e-13  # of the tolerance; what Newton's method may leave
@@ -42,6 +44,7 @@ SUDDEN, SUDDEN_STEEP = 1.0 / 64.0, 1.0 / 8.0
 UNRESOLVED = 0.5  # of the range of a force, between two samples
 STRIDE, SMALLEST_STRIDE = 0.0625, 1e-3  # of a continuation from 0 to 1
 NOTHING = -1  # is being continued
+NONE = np.int64(0)  # numpy's, see NO_BREAK
 ROUNDING, NOISE = 1e-13, 1e-9
 
 
@@ -97,7 +100,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
     Returns code, error estimate, samples and evaluations. The extrema are in `look`.
     """
     newton = max(NEWTON_SHARE * tolerance, SMALLEST_RESIDUAL)
-    n, used, failures, comparable, factors = first, 0, 0, False, 0
+    n, used, failures, comparable, factors = first, 0, 0, False, NONE
     change, change_before, regular = np.inf, np.inf, True
     for j in range(problem.lag.size):
         regular = regular and problem.lag[j] == 0.0
@@ -107,7 +110,7 @@ def ascend(problem, work, look, tolerance, first, most, guessed):
     while True:
         count = n // OVERSAMPLING
         if which != NOTHING or failures > 0:
-            factors = 0
+            factors = NONE
         if which != NOTHING:
             target = min(1.0, reached + stride)
             problem.scale[which] = target
@@ -203,3 +206,6 @@ def estimate_of(change, change_before, regular, left):
     gain = min(max(SLOWING * ratio, LEAST_GAIN), MOST_GAIN) if regular else MOST_GAIN
     sudden = SUDDEN if regular else SUDDEN_STEEP
     return max(change * gain, sudden * change_before) + 4.0 * left + ROUNDING
+
+
+SHARES = Shares(here=(solve_level,), there=(find_extrema,), later=(monodromy, states))

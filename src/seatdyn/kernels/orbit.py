@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from seatdyn.kernels.balance import sample_motion
 from seatdyn.kernels.breaking import beside
@@ -27,20 +28,30 @@ from seatdyn.kernels.columns import (
 )
 from seatdyn.kernels.condensed import (
     CHANNEL,
+    CONDENSED,
     FORCE,
     LINE,
     MOST_EVENTS,
+    NO_BREAK,
     OVERSAMPLING,
     PHASE,
     PRESENT,
     ROW,
     TAILS,
+    WORK,
     number_of,
     state_at,
     tail_weights,
 )
 from seatdyn.kernels.fourier import samples_of
-from seatdyn.kernels.jit import inner, kernel, spliced
+from seatdyn.kernels.jit import inner, kernel, spliced, stage, takes
+from seatdyn.kernels.shapes import (
+    COMPLEX_BLOCK,
+    INTEGER,
+    INTEGERS,
+    TABLE,
+    VECTOR,
+)
 
 STENCIL = 5  # samples through which an extremum is refined
 BETWEEN = 16  # parts of the way between two events that is too short for the samples
@@ -67,6 +78,9 @@ class Look(NamedTuple):
     columns: np.ndarray
     state: np.ndarray
     extrema: np.ndarray
+
+
+LOOK = types.NamedTuple([TABLE, COMPLEX_BLOCK, TABLE, TABLE, VECTOR, TABLE], Look)
 
 
 def make_look(rows: np.ndarray, nodes: int, samples: int) -> Look:
@@ -330,7 +344,8 @@ def find_maximum(problem, work, look, samples):
     return best, place
 
 
-@inner
+@takes(CONDENSED, WORK, LOOK, INTEGER)
+@stage
 def find_extrema(problem, work, look, samples):
     """Fill the extrema of every output over the period, both sides of every event included."""
     count = samples // OVERSAMPLING
@@ -367,7 +382,7 @@ def find_extrema(problem, work, look, samples):
         if gap < STENCIL * step:  # too short for the samples
             for k in range(1, BETWEEN):
                 there = phase + gap * k / BETWEEN
-                look_at(problem, work, look, count, there, -1, 0.0)
+                look_at(problem, work, look, count, there, NO_BREAK, 0.0)
                 keep_extrema(look, there)
 
 
@@ -385,6 +400,7 @@ def keep_extrema(look, phase):
             extrema[LOW, o], extrema[LOW_PHASE, o] = total, phase
 
 
+@takes(CONDENSED, WORK, LOOK, INTEGER, VECTOR, INTEGERS, VECTOR, TABLE)
 @kernel
 def states(problem, work, look, count, phases, rows, sides, result):
     """Fill columns (p, C) at phases, on one side of the breaks `rows` (-1: none)."""

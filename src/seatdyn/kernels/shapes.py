@@ -12,4 +12,9 @@ VECTOR, TABLE, BLOCK, STACK = (
     types.float64[:, :, :, ::1],
 )
 INTEGERS, INTEGER_TABLE = types.int64[::1], types.int64[:, ::1]
+COMPLEX_VECTOR, COMPLEX_TABLE, COMPLEX_BLOCK = (
+    types.complex128[::1],
+    types.complex128[:, ::1],
+    types.complex128[:, :, ::1],
+)
 BASE = types.UniTuple(REAL, 3)  # displacement, velocity and acceleration of the base
