@@ -8,8 +8,9 @@ import pytest
 
 import seatdyn as sd
 from conftest import paper_system
-from seatdyn.analysis.balance_many import balance_many, in_rows
-from seatdyn.analysis.members import Members, affine_numbers, changed_numbers
+from seatdyn.analysis.balance import LOOSE
+from seatdyn.analysis.balance_many import NotOdd, ascend, balance_many, in_rows
+from seatdyn.analysis.members import Members, affine_numbers, are_stiff, changed_numbers
 from seatdyn.analysis.parameters import with_parameters
 from seatdyn.kernels.rows import WIDTH, any_larger, load, root_of, spread, store, where_larger
 from seatdyn.kernels.rows_fourier import harmonics, samples_of
@@ -88,6 +89,35 @@ def test_members_are_solved_right_and_the_estimate_covers_the_error(name):
     solved &= known
     off = np.abs(amplitude / exact.amplitude.values - 1)[solved].max(axis=1)
     assert np.all(off <= error[solved] + 1e-6)
+
+
+@pytest.mark.parametrize("name", ["quadratic", "two channels"])
+def test_half_a_period_tells_the_other_half(name):
+    """The same numbers as from all of it, and the same estimates: not one equation is another."""
+    make, own = CASES[name]
+    system, sets = make(), draw(own, 2 * WIDTH)
+    members = Members(system, SINE, sets)
+    many = members.many(np.arange(2 * WIDTH), np.arange(members[0][1].shape[0]))
+    whole, half = (ascend(many, 1e-6, odd) for odd in (False, True))
+    np.testing.assert_allclose(half[0], whole[0], rtol=1e-9)
+    np.testing.assert_allclose(half[1], whole[1], rtol=1e-2)
+
+
+def test_a_law_that_is_not_odd_is_found_out():
+    make, own = CASES["bump and rebound"]
+    members = Members(make(), SINE, draw(own, WIDTH))
+    with pytest.raises(NotOdd):
+        ascend(members.many(np.arange(WIDTH), [0]), 1e-6, True)
+
+
+def test_stiff_enough_is_what_the_condition_says():
+    rng = np.random.default_rng(3)
+    turns = np.linalg.qr(rng.normal(size=(2, 40, 3, 3)))[0]
+    least = 10.0 ** rng.uniform(-16.0, -8.0, 40)
+    values = np.stack([np.ones(40), rng.uniform(0.1, 1.0, 40), least], axis=1)
+    matrices = 7.0 * turns[0] @ (values[:, :, None] * turns[1])
+    np.testing.assert_array_equal(are_stiff(matrices), np.linalg.cond(matrices) <= LOOSE)
+    assert not are_stiff(np.zeros((1, 3, 3)))[0]
 
 
 def test_one_member_against_time_integration():
@@ -213,26 +243,34 @@ def test_rows_are_numbers_of_all_members():
 
 
 @numba.njit
-def _there_and_back(series, n, roots, lines, rate, samples, slopes, back):
-    samples_of(series, load(rate, 0), 0, series.shape[0], n, roots, lines[0], lines[1], samples)
-    samples_of(series, load(rate, 0), 1, series.shape[0], n, roots, lines[0], lines[1], slopes)
-    harmonics(samples, n, roots, series.shape[0], lines[0], lines[1], back)
+def _there_and_back(series, n, odd, roots, lines, rate, samples, slopes, back):
+    count, rate = series.shape[0], load(rate, 0)
+    samples_of(series, rate, 0, count, n, odd, roots, lines[0], lines[1], samples)
+    samples_of(series, rate, 1, count, n, odd, roots, lines[0], lines[1], slopes)
+    harmonics(samples, n, odd, roots, count, lines[0], lines[1], back)
 
 
+@pytest.mark.parametrize("odd", [False, True])
 @pytest.mark.parametrize("n", [64, 128])
-def test_transforms_are_those_of_numpy(n):
+def test_transforms_are_those_of_numpy(n, odd):
+    """Of the odd harmonics alone, from half a period."""
     rng = np.random.default_rng(2)
-    count = n // 2
+    count, own = n // 2, slice(1, None, 2) if odd else slice(None)
     coefficients = rng.normal(size=(WIDTH, count)) + 1j * rng.normal(size=(WIDTH, count))
     coefficients[:, 0] = coefficients[:, 0].real
-    series = in_rows(np.stack([coefficients.real, coefficients.imag], axis=2))[0]
+    coefficients[:, :: 2 if odd else n] *= 0.0 if odd else 1.0
+    few = coefficients[:, own]
+    series = in_rows(np.stack([few.real, few.imag], axis=2))[0]
     angle = 2 * np.pi * np.arange(n) / n
     roots = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     rate = rng.uniform(1.0, 2.0, WIDTH)
-    samples, slopes, back = np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros_like(series)
+    kept = n // 2 if odd else n
+    samples, slopes, back = np.zeros((kept, WIDTH)), np.zeros((kept, WIDTH)), np.zeros_like(series)
     space = np.zeros((2, n, WIDTH))
-    _there_and_back(series, n, roots, space, rate[None], samples, slopes, back)
-    np.testing.assert_allclose(samples.T, np.fft.irfft(coefficients, n, norm="forward"), atol=1e-12)
+    _there_and_back(series, kept, odd, roots, space, rate[None], samples, slopes, back)
+    exact = np.fft.irfft(coefficients, n, norm="forward")[:, :kept]
+    np.testing.assert_allclose(samples.T, exact, atol=1e-12)
     turned = 1j * rate[:, None] * np.arange(count) * coefficients
-    np.testing.assert_allclose(slopes.T, np.fft.irfft(turned, n, norm="forward"), atol=1e-11)
+    exact = np.fft.irfft(turned, n, norm="forward")[:, :kept]
+    np.testing.assert_allclose(slopes.T, exact, atol=1e-11)
     np.testing.assert_allclose(back, series, atol=1e-13)

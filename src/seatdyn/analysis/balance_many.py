@@ -9,6 +9,9 @@ be the exact step were every channel its equivalent linear element: a spring c_d
 take the same power from the motion. Steps are mixed by Anderson's method [1], which needs no
 derivatives of the laws and converges for smooth laws and for steep friction alike.
 
+Where the base has odd harmonics only and the laws are odd, the second half of a period is the first
+turned over, and half of all samples and harmonics tell the rest. The forces show whether they are.
+
 Levels, error estimate and peaks are those of `seatdyn.kernels.levels` and `orbit`. It is for laws
 without jumps and stops. What does not converge is left to the caller.
 
@@ -22,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.kernels.columns import ELEMENTS
 from seatdyn.kernels.condensed import OVERSAMPLING
 from seatdyn.kernels.levels import (
     LEAST_GAIN,
@@ -36,7 +38,8 @@ from seatdyn.kernels.levels import (
     UNRESOLVED,
 )
 from seatdyn.kernels.rows import WIDTH
-from seatdyn.kernels.side_by_side import DEPTH, PAIRS, UNSURE, look, respond, settle
+from seatdyn.kernels.rows_look import AHEAD, UNSURE, look
+from seatdyn.kernels.side_by_side import DEPTH, LEFT, PAIRS, respond, settle
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -44,9 +47,10 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 FEWEST, MOST = 64, 4096  # samples of a period
-TOGETHER = 32 * WIDTH  # members of a level: their arrays stay small
+TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
+UNEVEN = 3  # steps between the fastest and the slowest member from which on they are sorted
 STEEP_GAIN = 3.0  # of the change between two levels, where forces are steep
 STEEPER = 8.0  # than a sine of the same range: no smooth force is
 
@@ -55,7 +59,7 @@ class Many(NamedTuple):
     """Periodic problems of p members; see `Condensed` and `Look` for what they have in common.
 
     linear (p, N, 2N+2), pull (p, N, m), base (p, B), omega (p,), parameters (p, q),
-    rows (p, o, C)
+    weights (p, o, C) of outputs in the columns z, v, element forces, and u, u', u''
     channels, elements : of all, with the addresses of laws for rows
     """
 
@@ -64,7 +68,7 @@ class Many(NamedTuple):
     base: Complex
     omega: Array
     parameters: Array
-    rows: Array
+    weights: Array
     channels: Integers
     elements: Integers
 
@@ -74,19 +78,31 @@ class Many(NamedTuple):
         return self._replace(**own)
 
 
+class NotOdd(Exception):
+    """A law that gives another force, not only another sign, to the motion with the other sign."""
+
+
 def balance_many(many: Many, tolerance: float) -> tuple[Array, Array]:
     """Amplitudes (p, o) of the outputs, and error estimates (p,), NaN where there are none."""
     size = len(many.omega)
-    amplitude, error = np.full((size, many.rows.shape[1]), np.nan), np.full(size, np.nan)
+    amplitude, error = np.full((size, many.weights.shape[1]), np.nan), np.full(size, np.nan)
+    odd = not np.any(many.base[:, ::2])  # as long as the laws are
     for start in range(0, size, TOGETHER):
         part = slice(start, start + TOGETHER)
-        amplitude[part], error[part] = _ascend(many.take(part), tolerance)
+        try:
+            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd)
+        except NotOdd:
+            odd = False
+            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd)
     return amplitude, error
 
 
-def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
-    """From few samples to as many as the estimates ask for."""
-    size, outputs = many.rows.shape[:2]
+def ascend(many: Many, tolerance: float, odd: bool) -> tuple[Array, Array]:
+    """The same for members of one level, from few samples to as many as the estimates ask for.
+
+    odd : take the second half of a period for the first turned over; raises NotOdd
+    """
+    size, outputs = many.weights.shape[:2]
     m = many.pull.shape[2]
     amplitude, error = np.full((size, outputs), np.nan), np.full(size, np.nan)
     place, failures = np.arange(size), np.zeros(size, int)
@@ -94,13 +110,14 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
     series = np.zeros((size, m, 0, 2))
     before = np.full((size, 2, outputs), np.nan)
     change_before = np.full(size, np.inf)
-    n, level = FEWEST, None
-    while place.size and n <= MOST:
-        level = Level(many, n, level)
-        found, left, leap = level.solve(series, newton)
+    n, rows = FEWEST, Rows(many, odd)
+    while n <= MOST:
+        found, (left, leap, even, steps) = rows.solve(n, series, newton)
+        if np.any(even):
+            raise NotOdd
         solved = np.isfinite(left)
         failures += ~solved
-        extrema, unsure = level.extrema()
+        extrema, unsure = rows.extrema()
         # close enough, and with no force much steeper than a sine
         resolved, smooth = leap <= UNRESOLVED, leap <= STEEPER * np.pi / n
         extrema[~(solved & resolved)] = np.nan
@@ -110,8 +127,12 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
         amplitude[place[done]] = (extrema[done, 0] - extrema[done, 1]) / 2
         error[place[done]] = estimate[done]
         stay = np.nonzero(~done & (failures < PATIENCE) & ~np.isnan(left))[0]
-        if stay.size < place.size:
-            many, place, failures, level = many.take(stay), place[stay], failures[stay], None
+        if not stay.size:
+            break
+        if stay.size < place.size or (n == FEWEST and np.ptp(steps) >= UNEVEN):
+            stay = stay[np.argsort(steps[stay], kind="stable")]  # a row waits for its slowest
+            many, place, failures = many.take(stay), place[stay], failures[stay]
+            rows = Rows(many, odd)
         before, change_before, series = extrema[stay], change[stay], found[stay]
         n *= 2
     return amplitude, error
@@ -119,106 +140,103 @@ def _ascend(many: Many, tolerance: float) -> tuple[Array, Array]:
 
 def in_rows(values: Array) -> Array:
     """Numbers (p, ...) of members as rows (G, ..., W); the last member fills the last row."""
-    groups = -(-len(values) // WIDTH)
-    filled = values[np.minimum(np.arange(groups * WIDTH), len(values) - 1)]
-    return np.ascontiguousarray(
-        np.moveaxis(filled.reshape(groups, WIDTH, *values.shape[1:]), 1, -1)
-    )
+    missing = -len(values) % WIDTH
+    if missing:
+        values = np.concatenate([values, np.repeat(values[-1:], missing, axis=0)])
+    grouped = values.reshape(len(values) // WIDTH, WIDTH, values[0].size).transpose(0, 2, 1)
+    return np.ascontiguousarray(grouped).reshape(len(grouped), *values.shape[1:], WIDTH)
 
 
-class Level:
-    """Members with n samples of the period."""
+class Rows:
+    """Members as rows, their linear motion as far as it is known, and their motion."""
 
-    def __init__(self, many: Many, n: int, before: Level | None) -> None:
-        """Work out the linear motion, but what a level before has of the same members."""
-        self._many, self._n, self._size = many, n, len(many.omega)
-        groups, nodes, m = -(-self._size // WIDTH), *many.pull.shape[1:]
-        count = n // OVERSAMPLING
-        self._omega = in_rows(many.omega)
+    def __init__(self, many: Many, odd: bool) -> None:
+        """Arrange the members; with `odd` the second half of a period is the first, turned over."""
+        self._many, self._odd, self._size = many, odd, len(many.omega)
         base = np.stack([many.base.real, many.base.imag], axis=2)
         base[:, 1:] *= 0.5
-        self._base = in_rows(base)
-        self._node = np.empty((groups, nodes, m + 1, count, 2, WIDTH))
-        self._across = np.empty((groups, m, m + 1, count, 2, WIDTH))
-        self._doubt, known = np.zeros((groups, WIDTH)), 0
-        if before is not None:
-            known, self._doubt = before._node.shape[3], before._doubt
-            self._node[:, :, :, :known], self._across[:, :, :, :known] = (
-                before._node,
-                before._across,
-            )
+        self._base, self._omega = in_rows(base), in_rows(many.omega)
+        self._linear, self._pull = in_rows(many.linear), in_rows(many.pull)
+        self._parameters, self._weights = in_rows(many.parameters), in_rows(many.weights)
+        needed = np.any(many.weights != 0.0, axis=0)
+        self._matters, self._used = needed.any(axis=0), np.nonzero(needed)[1]
+        self._begins = np.concatenate([[0], np.cumsum(needed.sum(axis=1))])
+        groups, nodes, m = len(self._base), *many.pull.shape[1:]
+        self._node = np.empty((groups, nodes, m + 1, 0, 2, WIDTH))
+        self._across = np.empty((groups, m, m + 1, 0, 2, WIDTH))
+        self._doubt = np.zeros((groups, WIDTH))
+
+    def _refine(self, count: int) -> None:
+        """Work out the linear motion of so many harmonics, but what is known of it."""
+        known, linear = self._node.shape[3], [self._node, self._across]
+        for i, before in enumerate(linear):
+            linear[i] = np.empty((*before.shape[:3], count, 2, WIDTH))
+            linear[i][:, :, :, :known] = before
+        self._node, self._across = linear
+        nodes, m = self._many.pull.shape[1:]
         respond(
-            in_rows(many.linear), in_rows(many.pull), self._base, self._omega, many.channels, known,
-            self._node, self._across, self._doubt, np.empty((nodes, nodes + m + 1, 2, WIDTH)),
+            self._linear, self._pull, self._base, self._omega, self._many.channels, known,
+            self._odd, *linear, self._doubt, np.empty((nodes, nodes + m + 1, 2, WIDTH)),
         )  # fmt: skip
-        angle = 2 * np.pi * np.arange(n) / n
-        self._roots = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-        self._lines = np.empty((2, n, WIDTH))
 
     def _members(self, rows: Array) -> Array:
         """Numbers of members (p, ...) from rows."""
-        moved = np.moveaxis(rows, -1, 1)
-        return moved.reshape(len(rows) * WIDTH, *moved.shape[2:])[: self._size]
+        flat = rows.reshape(len(rows), -1, WIDTH).transpose(0, 2, 1)
+        return flat.reshape(len(rows) * WIDTH, *rows.shape[1:-1])[: self._size]
 
-    def solve(self, guess: Array, tolerance: float) -> tuple[Array, Array, Array]:
-        """Harmonics (p, m, K, 2), residuals (p,), and leaps of the forces between samples (p,).
+    def solve(self, n: int, guess: Array, tolerance: float) -> tuple[Array, Array]:
+        """Harmonics (p, m, K, 2), and what `settle` finds (4, p), with n samples of the period.
 
         From the harmonics known, or else from the linear motion. A residual is infinite where there
         is no solution, and not a number where the linear motion is not known.
         """
-        many, n = self._many, self._n
-        groups, m, _, count = self._across.shape[:4]
+        many, samples = self._many, n // 2 if self._odd else n
+        count = samples // OVERSAMPLING
+        self._refine(count)
+        groups, m = self._across.shape[:2]
         series = np.zeros((groups, m, count, 2, WIDTH))
         known = guess.shape[2]
-        series[:, :, :known] = in_rows(guess)
-        if not known:
+        if known:
+            series[:, :, :known] = in_rows(guess)
+        else:
             series[:] = self._across[:, :, m]
         e, q = len(many.elements), many.parameters.shape[1]
+        angle = 2 * np.pi * np.arange(n) / n
+        self._roots = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+        self._lines = np.empty((2, samples, WIDTH))
         self._force = np.empty_like(series)
-        self._forces = np.empty((groups, e, n, WIDTH))
-        self._total = np.empty((groups, m, n, WIDTH))
-        left, leap = np.empty((2, groups, WIDTH))
+        self._forces = np.empty((groups, e, samples, WIDTH))
+        found = np.empty((groups, 4, WIDTH))
         settle(
-            self._across, self._omega, in_rows(many.parameters), many.channels, many.elements,
-            self._roots, tolerance, series, self._force, self._forces, self._total, left, leap,
+            self._across, self._omega, self._parameters, many.channels, many.elements,
+            self._roots, tolerance, self._odd, series, self._force, self._forces, found,
             np.empty((PAIRS + 2 * DEPTH, m, count, 2, WIDTH)), self._lines,
-            np.empty((2, m, n, WIDTH)), np.empty(q * n * WIDTH),
+            np.empty((2, m, samples, WIDTH)), np.empty((m, samples, WIDTH)),
+            np.empty(q * samples * WIDTH),
             np.empty((DEPTH, DEPTH, WIDTH)), np.empty((DEPTH, DEPTH + 1, WIDTH)),
             np.empty((m, 2, WIDTH)), np.empty((m, m + 1, 2, WIDTH)),
         )  # fmt: skip
-        left[~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
-        return self._members(series), self._members(left), self._members(leap)
+        found[:, LEFT][~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
+        return self._members(series), self._members(found).T
 
     def extrema(self) -> tuple[Array, Array]:
         """Highest and lowest value (p, 2, o) of every output over the period.
 
         And how unsure they are for what is between the samples, relative to the amplitude (p,).
         """
-        many, n = self._many, self._n
-        nodes, e = many.linear.shape[1], len(many.elements)
-        # accelerations follow from the rest
-        cuts = np.cumsum([2 * nodes, nodes, e])
-        state, acceleration, force, drive = np.split(many.rows, cuts, axis=2)
-        state = state + acceleration @ many.linear[:, :, : 2 * nodes]
-        shift = acceleration @ many.linear[:, :, 2 * nodes :]
-        drive = drive + np.concatenate([shift, np.zeros_like(shift[..., :1])], axis=2)
-        channel = np.repeat(np.arange(len(many.channels) - 1), np.diff(many.channels[:, ELEMENTS]))
-        force = force - (acceleration @ many.pull)[..., channel]
-        weights = np.concatenate([state, force, drive], axis=2)
-        matters = np.any(weights != 0.0, axis=0)
-        used = np.nonzero(matters)[1]
-        begins = np.concatenate([[0], np.cumsum(matters.sum(axis=1))])
-        extrema = np.empty((len(self._node), 2 * UNSURE, weights.shape[1], WIDTH))
+        count, samples = self._node.shape[3], self._lines.shape[1]
+        outputs, columns = self._many.weights.shape[1:]
+        extrema = np.empty((len(self._node), 2 * UNSURE, outputs, WIDTH))
         look(
-            self._node, self._force, self._forces, self._base, self._omega, in_rows(weights),
-            used, begins, self._roots, extrema, self._lines,
-            np.empty((self._node.shape[3], 2, WIDTH)),
-            np.empty((weights.shape[2], n, WIDTH)), np.empty((n, WIDTH)),
+            self._node, self._force, self._forces, self._base, self._omega, self._weights,
+            self._matters, self._used, self._begins, self._roots, self._odd, extrema, self._lines,
+            np.empty((count, 2, WIDTH)), np.empty((columns, samples, WIDTH)),
+            np.empty((samples + 2 * AHEAD, WIDTH)),
         )  # fmt: skip
-        found, unsure = np.split(self._members(extrema), [UNSURE], axis=1)
-        swing, least = (found[:, 0] - found[:, 1]) / 2, ROUNDING * np.abs(found).max(axis=1)
-        unsure = unsure.max(axis=1) / np.maximum(swing, np.maximum(least, np.finfo(float).tiny))
-        return found, unsure.max(axis=1)
+        high, low, *unsure = self._members(extrema).transpose(1, 0, 2)
+        swing, least = (high - low) / 2, ROUNDING * np.maximum(np.abs(high), np.abs(low))
+        rest = np.maximum(*unsure) / np.maximum(swing, np.maximum(least, np.finfo(float).tiny))
+        return np.stack([high, low], axis=1), rest.max(axis=1)
 
 
 def change_of(extrema: Array, before: Array, series: Array, series_before: Array) -> Array:

@@ -7,6 +7,7 @@ their element in that way, too; a law that does not is asked for every member.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ from seatdyn.analysis.lowering import lower
 from seatdyn.analysis.outputs import unique_names
 from seatdyn.analysis.parameters import FREQUENCY, LEVEL, SEAT_MASS, with_parameters
 from seatdyn.errors import ModelError
-from seatdyn.kernels.columns import FIRST, IS_JUMP, OFFSET, ON_DISPLACEMENT, SECOND, VALUE
+from seatdyn.kernels.columns import ELEMENTS, FIRST, IS_JUMP, OFFSET, ON_DISPLACEMENT, SECOND, VALUE
 from seatdyn.kernels.condensed import Condensed
 from seatdyn.kernels.jit import rows_law_address
 from seatdyn.model.elements import LinearElement, NonlinearElement
@@ -34,6 +35,8 @@ from seatdyn.units import FREQUENCY as FREQUENCIES
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+ALL = slice(None)
 MOST_FIELDS = 3  # of an element whose law is looked at in the corners of their ranges
 AFFINE = 1e-13  # of a parameter, by which it may miss
 
@@ -78,6 +81,7 @@ class Members:
             self.known[:] = False
             return
         self._base, self._system, self._excitation = base, *pair
+        self._ratio, self._level = self._scale(FREQUENCY), self._scale(LEVEL)
         self._set_laws(pair[0])
         self._set_matrices(*pair)
 
@@ -130,37 +134,56 @@ class Members:
 
     def _set_matrices(self, system: SeatSystem, excitation: Sine) -> None:
         """Matrices of every member, as in `lower` and `condense`."""
-        start, rows = _matrices(system), output_rows(system)[1]
-        matrices = [np.tile(a, (self._size,) + (1,) * a.ndim) for a in (*start, rows)]
+        start = _matrices(system)
+        changes, shares = [], []
         for name, values in self._columns.items():
             element = self._elements.get(name.rpartition(".")[0])
             if name != SEAT_MASS and not isinstance(element, LinearElement):
                 continue
             here = self._first[name]
             step = here if here else 1.0
-            there = with_parameters(system, excitation, {name: here + step})[0]
-            for total, a, b in zip(
-                matrices, (*start, rows), (*_matrices(there), output_rows(there)[1]), strict=True
-            ):
-                total += np.multiply.outer((values - here) / step, b - a)
-        mass, stiffness, damping, drive_k, drive_c, self._rows = matrices
-        known, base = self.known, self._base
-        mass[~known] = start[0]
+            there = _matrices(with_parameters(system, excitation, {name: here + step})[0])
+            changes.append([b - a for a, b in zip(start, there, strict=True)])
+            shares.append((values - here) / step)
+        shares.append(np.ones(self._size))
+        self._shares = np.array(shares).T
+        self._shares[~self.known, :-1] = 0.0
+        parts = [np.stack(each) for each in zip(*changes, start, strict=True)]
+        mass, known = self._sum(parts[0], ALL), self.known
+        *stiff_damped_drive, self._row_parts = parts[1:]
+        base = self._base
         n, m = base.pull.shape
         incidence = np.zeros((n + 1, m))
         for j in range(m):
             incidence[base.channels[j, SECOND], j] += 1.0
             incidence[base.channels[j, FIRST], j] -= 1.0
-        inverse = np.linalg.inv(mass)
-        stiff, damped = -(inverse @ stiffness), -(inverse @ damping)
-        known &= np.linalg.cond(stiff) <= LOOSE  # others are held by elements that are not springs
-        drive = inverse @ np.stack([drive_k, drive_c], axis=2)
-        self._linear = np.concatenate([stiff, damped, drive], axis=2)
-        self._pull = inverse @ incidence[:n]
-        self._gain = incidence[:n].T @ self._pull
-        later = (damped @ self._pull, (damped @ damped + stiff) @ self._pull)
-        self._later_pull = np.stack(later, axis=1)
-        self._later_gain = incidence[:n].T @ self._later_pull
+        self._incidence = incidence[:n]
+        signs = (-1.0, -1.0, 1.0, 1.0)  # stiffness and damping on the right, then the base
+        forces = [
+            sign * part.reshape(len(part), n, -1)
+            for sign, part in zip(signs, stiff_damped_drive, strict=True)
+        ]
+        pulls = np.zeros((len(shares), n, m))
+        pulls[-1] = self._incidence
+        right = self._sum(np.concatenate([*forces, pulls], axis=2), ALL)
+        moved = np.linalg.inv(mass) @ right
+        self._linear, self._pull = moved[..., : 2 * n + 2], moved[..., 2 * n + 2 :]
+        # others are held by elements that are not springs
+        known &= are_stiff(self._linear[:, :, :n])
+
+    def _sum(self, parts: Array, which: Any) -> Array:
+        """Matrices of members from what they have in common and what changes with each column."""
+        flat: Array = self._shares[which] @ parts.reshape(len(parts), -1)
+        return flat.reshape(*flat.shape[:-1], *parts.shape[1:])
+
+    @functools.cached_property
+    def _of_channels(self) -> tuple[Array, Array, Array]:
+        """Gain, and what forces do later, of every member, see `condense`."""
+        n, across = self._incidence.shape[0], self._incidence.T
+        stiff, damped = self._linear[..., :n], self._linear[..., n : 2 * n]
+        first = damped @ self._pull
+        later = np.stack([first, damped @ first + stiff @ self._pull], axis=1)
+        return across @ self._pull, later, across @ later
 
     @property
     def smooth(self) -> bool:
@@ -173,39 +196,73 @@ class Members:
 
     def many(self, which: Integers, outputs: Sequence[int]) -> Many:
         """Known members side by side, to be asked for some of their outputs."""
-        base, size = self._base, len(which)
-        ratio, level = (self._scale(name, which) for name in (FREQUENCY, LEVEL))
+        base, ratio, level = self._base, self._ratio[which], self._level[which]
         system, motion = self._system, self._excitation.motion
+        linear, pull = self._linear[which], self._pull[which]
+        channel = np.repeat(np.arange(len(base.channels) - 1), np.diff(base.channels[:, ELEMENTS]))
+        weights = without_accelerations(
+            self._sum(self._row_parts[:, outputs], which), linear, pull, channel
+        )
+        drive = np.multiply.outer(level / ratio**2, base.base)
         return Many(
-            self._linear[which], self._pull[which],
-            base.base * (level / ratio**2)[:, None], base.omega * ratio * np.ones(size),
-            self._parameters[which], self._rows[which][:, outputs], base.channels,
+            linear, pull, drive, base.omega * ratio,
+            self._parameters[which], weights, base.channels,
             lower(system, motion, address=rows_law_address).elements,
         )  # fmt: skip
 
-    def _scale(self, name: str, which: Integers | int) -> Any:
-        """Frequency or level of members in terms of those of the base motion lowered."""
+    def _scale(self, name: str) -> Array:
+        """Frequency or level of every member in terms of those of the base motion lowered."""
         own = {FREQUENCY: self._excitation.frequency, LEVEL: self._excitation.peak}[name]
-        column = self._columns.get(name, np.full(self._size, own))
-        return column[which] / own
+        return np.broadcast_to(self._columns.get(name, own), self._size) / own
 
     def __getitem__(self, p: int) -> tuple[Condensed, Array]:
         """Problem and outputs of a known member."""
-        base = self._base
-        ratio, level = self._scale(FREQUENCY, p), self._scale(LEVEL, p)
+        base, ratio, level = self._base, self._ratio[p], self._level[p]
+        gain, later_pull, later_gain = self._of_channels
         problem = base._replace(
-            linear=self._linear[p],
-            pull=self._pull[p],
-            gain=self._gain[p],
-            later_pull=self._later_pull[p],
-            later_gain=self._later_gain[p],
+            linear=np.ascontiguousarray(self._linear[p]),
+            pull=np.ascontiguousarray(self._pull[p]),
+            gain=gain[p],
+            later_pull=later_pull[p],
+            later_gain=later_gain[p],
             parameters=self._parameters[p],
             breaks=self._breaks[p],
             base=base.base * (level / ratio**2),
             scale=np.ones(2),
             omega=base.omega * ratio,
         )
-        return problem, self._rows[p]
+        return problem, self._sum(self._row_parts, p)
+
+
+def are_stiff(matrices: Array) -> Flags:
+    """Whether the condition of matrices (p, n, n) is not above LOOSE, by a bound where that does.
+
+    Of the determinant D and the root of the sum of squares S, 2/D (S/sqrt n)^n (H. W. Guggenheimer,
+    A. S. Edelman and C. R. Johnson, A simple estimate of the condition number of a linear system,
+    College Math. J. 26 (1995) 2-5).
+    """
+    n = matrices.shape[1]
+    size = np.sqrt(np.square(matrices).sum(axis=(1, 2)) / n)
+    bound = 2.0 * size**n < LOOSE * np.abs(np.linalg.det(matrices))
+    rest = np.nonzero(~bound)[0]
+    bound[rest] = np.linalg.cond(matrices[rest]) <= LOOSE
+    return np.asarray(bound)
+
+
+def without_accelerations(rows: Array, linear: Array, pull: Array, channel: Integers) -> Array:
+    """Outputs (p, o, C) in the columns z, v, forces and u, u', u'' alone: a follows from the rest.
+
+    channel : (e,) of every element
+    """
+    nodes, e = linear.shape[1], len(channel)
+    cuts = np.cumsum([2 * nodes, nodes, e])
+    state, acceleration, force, drive = np.split(rows, cuts, axis=2)
+    if np.any(acceleration):
+        moved = acceleration @ linear
+        state, drive = state + moved[..., : 2 * nodes], drive.copy()
+        drive[..., :2] += moved[..., 2 * nodes :]
+        force = force - (acceleration @ pull)[..., channel]
+    return np.concatenate([state, force, drive], axis=2)
 
 
 def numbers_of(element: NonlinearElement) -> Numbers:
@@ -271,7 +328,7 @@ def affine_numbers(element: NonlinearElement, values: Mapping[str, Array]) -> Nu
 
 
 def _matrices(system: SeatSystem) -> tuple[Array, ...]:
-    """Mass, stiffness, damping, and forces per displacement and velocity of the base."""
+    """Mass, stiffness, damping, forces per displacement and velocity of the base, and outputs."""
     linear = system.linear.prompt
     return (
         linear.mass,
@@ -279,4 +336,5 @@ def _matrices(system: SeatSystem) -> tuple[Array, ...]:
         linear.damping,
         linear.drive_stiffness,
         linear.drive_damping,
+        output_rows(system)[1],
     )

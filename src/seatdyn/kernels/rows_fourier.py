@@ -1,12 +1,22 @@
 """Fourier series of several members at once: between n equal samples and harmonics 0 .. n/2.
 
 The method is that of `kernels.fourier`. Harmonics are two-sided, c_k = X_k/2 and c_0 = X_0.
+
+A motion whose second half is the first with the other sign has the harmonics 1, 3, 5 ... only, and
+the m samples of one half tell all: y_j = x_j - i x_(j + m/2) is 2 exp(i pi j/m) times the transform
+of the m/2 numbers c_1, c_5, ... conj c_7, conj c_3.
 """
 
 from __future__ import annotations
 
-from seatdyn.kernels.jit import inner
+from seatdyn.kernels.jit import inner, spliced
 from seatdyn.kernels.rows import load, spread, store
+
+
+@spliced
+def number(k, odd):
+    """Harmonic at place k of a series."""
+    return 2 * k + 1 if odd else k
 
 
 @inner
@@ -59,11 +69,14 @@ def transform(x, y, n, roots):
 
 
 @inner
-def samples_of(series, rate, order, count, n, roots, x, y, result):
+def samples_of(series, rate, order, count, n, odd, roots, x, y, result):
     """result[:n] = samples of a series (K, 2, W), or with order 1 of its derivative in time.
 
-    rate : row omega, of the derivative
+    rate : row omega, of the derivative; odd : n samples of half a period, harmonics 1, 3, 5 ...
     """
+    if odd:
+        samples_of_odd(series, rate, order, count, n, roots, x, y, result)
+        return
     m = n // 2
     stride = roots.shape[0] // n
     for k in range(m):
@@ -91,8 +104,49 @@ def samples_of(series, rate, order, count, n, roots, x, y, result):
 
 
 @inner
-def harmonics(samples, n, roots, count, x, y, result):
-    """result[:count] = harmonics (K, 2, W) of n samples."""
+def samples_of_odd(series, rate, order, count, m, roots, x, y, result):
+    """The same of the odd harmonics: m samples of half a period."""
+    half, stride = m // 2, roots.shape[0] // (2 * m)
+    for q in range(half // 2):
+        for k, place, sign in ((2 * q, q, -1.0), (2 * q + 1, half - 1 - q, 1.0)):
+            a, b = spread(0.0), spread(0.0)
+            if k < count:
+                a, b = load(series, 2 * k), load(series, 2 * k + 1)
+            if order == 1:
+                w = rate * float(2 * k + 1)
+                a, b = b * w * -1.0, a * w
+            store(x, 2 * place, a)
+            store(x, 2 * place + 1, b * sign)
+    found = y if transform(x, y, half, roots) else x
+    for j in range(half):
+        u, w = 2.0 * roots[j * stride, 0], 2.0 * roots[j * stride, 1]
+        a, b = load(found, 2 * j), load(found, 2 * j + 1)
+        store(result, j, a * u - b * w)
+        store(result, j + half, a * w + b * u)
+
+
+@inner
+def odd_harmonics(samples, m, roots, count, x, y, result):
+    """result[:count] = harmonics 1, 3, 5 ... of m samples of half a period."""
+    half, stride, share = m // 2, roots.shape[0] // (2 * m), 1.0 / m
+    for j in range(half):
+        u, w = roots[j * stride, 0] * share, roots[j * stride, 1] * share
+        a, b = load(samples, j), load(samples, j + half)
+        store(x, 2 * j, a * u + b * w)
+        store(x, 2 * j + 1, a * w - b * u)
+    found = y if transform(x, y, half, roots) else x
+    for k in range(count):
+        place, sign = (k // 2, 1.0) if k % 2 == 0 else (half - 1 - k // 2, -1.0)
+        store(result, 2 * k, load(found, 2 * place))
+        store(result, 2 * k + 1, load(found, 2 * place + 1) * sign)
+
+
+@inner
+def harmonics(samples, n, odd, roots, count, x, y, result):
+    """result[:count] = harmonics (K, 2, W) of n samples, see `samples_of`."""
+    if odd:
+        odd_harmonics(samples, n, roots, count, x, y, result)
+        return
     m = n // 2
     stride = roots.shape[0] // n
     for j in range(2 * m):

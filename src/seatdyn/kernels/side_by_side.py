@@ -1,6 +1,8 @@
 """Harmonic balance of many members, a row of them at once, by mixed fixed-point steps.
 
 Harmonics are two-sided, c_k = D_k/2 and c_0 = D_0: the motion is c_0 + 2 Re sum c_k exp(i k theta).
+Where the second half of every period is the first with the other sign, `odd`, place k of a series
+is harmonic 2 k + 1, and samples are those of half a period.
 Arrays of rows end with (2, W) for complex numbers, real part first, and with (W,) for real ones.
 The method is described in `seatdyn.analysis.balance_many`.
 """
@@ -15,19 +17,17 @@ from numba.extending import intrinsic
 
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, FIRST, OFFSET, SECOND
 from seatdyn.kernels.jit import inner, kernel, spliced
-from seatdyn.kernels.orbit import DOUBT, HIGH, LOW
 from seatdyn.kernels.rows import any_larger, load, root_of, spread, store, where_larger
-from seatdyn.kernels.rows_fourier import harmonics, samples_of
+from seatdyn.kernels.rows_fourier import harmonics, number, samples_of
 
 DEPTH = 4  # earlier steps that are mixed
 MOST_STEPS = 40  # of one level
 SHARE_OF_HIGH = 0.05  # of the higher harmonics: about what the samples leave out
 TINY, REGULAR = 1e-300, 1e-14  # the latter of the squares of the steps: no equation is singular
-NOISE = 1e-9  # of a force
-NEWTON_STEPS = 4  # to the top of a quartic
+NOISE, EVEN = 1e-9, 1e-12  # of a force; the latter of its even part that is a rounding
 # places in the memory of steps: motion and step before, then pairs of changes of motion and step
 MOTION, STEP, BEFORE, PAIRS = 0, 1, 2, 3
-UNSURE = 2  # place among extrema, beside HIGH and LOW: how unsure they are
+LEFT, LEAP, IS_EVEN, STEPS = range(4)  # places in what is found, see `settle`
 
 
 @intrinsic
@@ -55,7 +55,7 @@ def call_rows_law(typingctx, address, count, d, v, parameters, first, force, pla
 
 
 @kernel
-def respond(linear, pull, base, omega, channels, first, node, across, doubt, matrix):
+def respond(linear, pull, base, omega, channels, first, odd, node, across, doubt, matrix):
     """Fill the linear motion of the harmonics from `first` on, of nodes and across channels.
 
     By elimination without pivoting, which is the same for all members; `doubt` (G, W) becomes the
@@ -71,10 +71,11 @@ def respond(linear, pull, base, omega, channels, first, node, across, doubt, mat
     for g in range(groups):
         largest = load(doubt[g], 0)
         for k in range(first, count):
-            w = load(omega[g], 0) * float(k)
+            harmonic = number(k, odd)
+            w = load(omega[g], 0) * float(harmonic)
             base_r, base_i = spread(0.0), spread(0.0)
-            if k < base.shape[1]:
-                base_r, base_i = load(base[g], 2 * k), load(base[g], 2 * k + 1)
+            if harmonic < base.shape[1]:
+                base_r, base_i = load(base[g], 2 * harmonic), load(base[g], 2 * harmonic + 1)
             for i in range(n):
                 row, own = i * (2 * n + 2), i * width
                 for c in range(n):
@@ -161,8 +162,14 @@ def sum_forces(channels, elements, values, d, v, forces, total, n):
                 store(total[j], i, force if e == first else load(total[j], i) + force)
 
 
+@spliced
+def weight_of(k, odd):
+    """Weight of the square of a harmonic: velocities count as much as displacements."""
+    return 1.0 + float(number(k, odd)) * number(k, odd)
+
+
 @inner
-def residual_of(series, force, across, count, residual):
+def residual_of(series, force, across, count, odd, residual):
     """Fill the residual; returns its size and that of the higher harmonics relative to the motion.
 
     series, force, residual : (m, K, 2, W); across : (m, m+1, K, 2, W)
@@ -180,11 +187,11 @@ def residual_of(series, force, across, count, residual):
                 gr, gi = load(across, place), load(across, place + 1)
                 fr, fi = load(force, 2 * (j * count + k)), load(force, 2 * (j * count + k) + 1)
                 a, b = a + (gr * fr - gi * fi), b + (gr * fi + gi * fr)
-            if k == 0:
+            if number(k, odd) == 0:
                 b = spread(0.0)
             store(residual, here, a)
             store(residual, here + 1, b)
-            weight = 1.0 + float(k) * k
+            weight = weight_of(k, odd)
             total = total + (a * a + b * b) * weight
             part = (x * x + y * y) * weight
             scale = scale + part
@@ -194,7 +201,7 @@ def residual_of(series, force, across, count, residual):
 
 
 @inner
-def equivalent_steps(series, force, across, omega, count, step, slopes, matrix):
+def equivalent_steps(series, force, across, omega, count, odd, step, slopes, matrix):
     """Turn the residual in `step` into the step to take were every channel linear.
 
     Namely the spring and damper that take the same power from the motion as its force.
@@ -205,20 +212,20 @@ def equivalent_steps(series, force, across, omega, count, step, slopes, matrix):
     w = load(omega, 0)
     for j in range(m):
         by_d, by_v, dd, vv = spread(0.0), spread(0.0), spread(TINY), spread(TINY)
-        for k in range(1, count):
-            place = 2 * (j * count + k)
+        for k in range(0 if odd else 1, count):
+            place, harmonic = 2 * (j * count + k), float(number(k, odd))
             x, y = load(series, place), load(series, place + 1)
             fr, fi = load(force, place), load(force, place + 1)
             square = x * x + y * y
             by_d = by_d + fr * x + fi * y
-            by_v = by_v + (fi * x - fr * y) * float(k)
+            by_v = by_v + (fi * x - fr * y) * harmonic
             dd = dd + square
-            vv = vv + square * (float(k) * k)
+            vv = vv + square * (harmonic * harmonic)
         spring, damper = by_d / dd, by_v / (vv * w)
         store(slopes, 2 * j, where_larger(spring, 0.0, spring, 0.0))
         store(slopes, 2 * j + 1, where_larger(damper, 0.0, damper, 0.0))
     for k in range(count):
-        rate = w * float(k)
+        rate = w * float(number(k, odd))
         for i in range(m):
             for j in range(m):
                 place = 2 * ((i * (m + 1) + j) * count + k)
@@ -251,14 +258,14 @@ def equivalent_steps(series, force, across, omega, count, step, slopes, matrix):
 
 
 @inner
-def product(x, y, m, count):
-    """Inner product of two series (m, K, 2, W), velocities weighing as much as displacements."""
+def product(x, y, m, count, odd):
+    """Inner product of two series (m, K, 2, W)."""
     total = spread(0.0)
     for i in range(m):
         for k in range(count):
             place = 2 * (i * count + k)
             part = load(x, place) * load(y, place) + load(x, place + 1) * load(y, place + 1)
-            total = total + part * (1.0 + float(k) * k)
+            total = total + part * weight_of(k, odd)
     return total
 
 
@@ -283,7 +290,7 @@ def solve_least(a, size):
 
 
 @inner
-def mix(series, past, taken, squares, space, m, count):
+def mix(series, past, taken, squares, space, m, count, odd):
     """Go the step in past[STEP], mixed (Anderson) with the steps taken before.
 
     squares : (DEPTH, DEPTH, W), inner products of the changes of steps
@@ -298,7 +305,7 @@ def mix(series, past, taken, squares, space, m, count):
             store(past[slot + 1], i, load(series, i) - load(past[MOTION], i) + fell)
         place = (taken - 1) % DEPTH
         for a in range(known):  # the others are known
-            found = product(past[PAIRS + 2 * a], past[slot], m, count)
+            found = product(past[PAIRS + 2 * a], past[slot], m, count, odd)
             store(squares, a * DEPTH + place, found)
             store(squares, place * DEPTH + a, found)
     trace = spread(TINY)
@@ -308,7 +315,7 @@ def mix(series, past, taken, squares, space, m, count):
         for b in range(known):
             one = trace if a == b else spread(0.0)
             store(space, a * (DEPTH + 1) + b, load(squares, a * DEPTH + b) + one)
-        found = product(past[PAIRS + 2 * a], past[STEP], m, count)
+        found = product(past[PAIRS + 2 * a], past[STEP], m, count, odd)
         store(space, a * (DEPTH + 1) + DEPTH, found)
     solve_least(space, known)
     for i in range(numbers):
@@ -322,11 +329,11 @@ def mix(series, past, taken, squares, space, m, count):
 
 
 @inner
-def largest_leap(total, n):
+def largest_leap(total, n, odd):
     """Largest change of a channel's force between two samples, relative to its range."""
     worst = spread(0.0)
     for j in range(total.shape[0]):
-        before = load(total[j], n - 1)
+        before = load(total[j], n - 1) * (-1.0 if odd else 1.0)
         high, low, leap = before, before, spread(0.0)
         for i in range(n):
             here = load(total[j], i)
@@ -335,190 +342,102 @@ def largest_leap(total, n):
             change = where_larger(change, 0.0, change, change * -1.0)
             leap = where_larger(change, leap, change, leap)
             before = here
-        size = where_larger(high, low * -1.0, high, low * -1.0) * NOISE + TINY
+        top = where_larger(high, low * -1.0, high, low * -1.0)
+        if odd:
+            high, low = top, top * -1.0
+        size = top * NOISE + TINY
         leap = where_larger(leap, size, leap, 0.0) / (high - low + size)
         worst = where_larger(leap, worst, leap, worst)
     return worst
 
 
+@inner
+def even_part(channels, elements, values, motion, forces, line, n):
+    """1 where the force of any element at the motion with the other sign has not that sign, else 0.
+
+    motion : (2, m, n, W), its sign changes; line : (n, W), space
+    """
+    worst = spread(0.0)
+    count = line.shape[0] * line.shape[1]
+    for j in range(motion.shape[1]):
+        for order in range(2):
+            for s in range(n):
+                store(motion[order, j], s, load(motion[order, j], s) * -1.0)
+        for e in range(channels[j, ELEMENTS], channels[j + 1, ELEMENTS]):
+            for s in range(n):
+                store(line, s, 0.0)
+            call_rows_law(
+                elements[e, ADDRESS], count, motion[0, j].reshape(-1), motion[1, j].reshape(-1),
+                values, elements[e, OFFSET], line.reshape(-1), 0,
+            )  # fmt: skip
+            even, size = spread(0.0), spread(TINY)
+            for s in range(n):
+                force = load(forces[e], s)
+                rest = force + load(line, s)
+                rest, force = (
+                    where_larger(rest, 0.0, rest, rest * -1.0),
+                    where_larger(force, 0.0, force, force * -1.0),
+                )
+                even = where_larger(rest, even, rest, even)
+                size = where_larger(force, size, force, size)
+            worst = where_larger(even, size * EVEN, 1.0, worst)
+    return worst
+
+
 @kernel
 def settle(
-    across, omega, parameters, channels, elements, roots, tolerance, series, force, forces, total,
-    left, leap, past, lines, motion, values, squares, space, slopes, matrix,
+    across, omega, parameters, channels, elements, roots, tolerance, odd, series, force, forces,
+    found, past, lines, motion, total, values, squares, space, slopes, matrix,
 ):  # fmt: skip
     """Solve for the motions of all groups, from the guesses in `series`.
 
     across, omega : see `respond`; parameters : (G, P, W); roots : (., 2) cos, -sin
     series, force : (G, m, K, 2, W) harmonics of motion and force of the channels
-    forces, total : (G, e, n, W) and (G, m, n, W), samples of the forces of elements and channels
-    left : (G, W) residual relative to the motion, infinite where there is no solution
-    leap : (G, W) see `largest_leap`
+    forces : (G, e, n, W) samples of the forces of the elements
+    found : (G, 4, W): LEFT, the residual relative to the motion, infinite where there is no
+        solution; LEAP, see `largest_leap`; IS_EVEN, not 0 where a law is not odd though the motion
+        was taken to be; and STEPS, how many were taken
     past : (PAIRS + 2 DEPTH, m, K, 2, W); lines : (2, n, W); motion : (2, m, n, W);
-    values : (P n W,); squares, space : (DEPTH, DEPTH, W) and (DEPTH, DEPTH + 1, W);
+    total : (m, n, W), forces of the channels; values : (P n W,);
+    squares, space : (DEPTH, DEPTH, W) and (DEPTH, DEPTH + 1, W);
     slopes : (m, 2, W); matrix : (m, m + 1, 2, W)
     """
     groups, m, count = series.shape[0], series.shape[1], series.shape[2]
-    n = total.shape[2]
+    n = total.shape[1]
     for g in range(groups):
         rate = load(omega[g], 0)
         for i in range(parameters.shape[1]):
             value = load(parameters[g], i)
             for s in range(n):
                 store(values, i * n + s, value)
+        steps = spread(0.0)
         for taken in range(MOST_STEPS):
             for j in range(m):
                 for order in range(2):
                     samples_of(
-                        series[g, j], rate, order, count, n, roots, lines[0], lines[1],
+                        series[g, j], rate, order, count, n, odd, roots, lines[0], lines[1],
                         motion[order, j],
                     )  # fmt: skip
-            sum_forces(channels, elements, values, motion[0], motion[1], forces[g], total[g], n)
+            sum_forces(channels, elements, values, motion[0], motion[1], forces[g], total, n)
             for j in range(m):
-                harmonics(total[g, j], n, roots, count, lines[0], lines[1], force[g, j])
-            size, high = residual_of(series[g], force[g], across[g], count, past[STEP])
+                harmonics(total[j], n, odd, roots, count, lines[0], lines[1], force[g, j])
+            size, high = residual_of(series[g], force[g], across[g], count, odd, past[STEP])
             allowed = where_larger(high * SHARE_OF_HIGH, tolerance, high * SHARE_OF_HIGH, tolerance)
             # also where it is not a number
-            store(left[g], 0, where_larger(size, allowed, math.inf, size))
+            store(found[g], LEFT, where_larger(size, allowed, math.inf, size))
+            steps = where_larger(size, allowed, steps + 1.0, steps)
             # one step at least: else a guess that is good enough would hide what is wrong with it
             if taken > 0 and (not any_larger(size, allowed) or taken + 1 == MOST_STEPS):
-                store(leap[g], 0, largest_leap(total[g], n))
                 break
             equivalent_steps(
-                series[g], force[g], across[g], omega[g], count, past[STEP], slopes, matrix
+                series[g], force[g], across[g], omega[g], count, odd, past[STEP], slopes, matrix
             )
             for i in range(2 * m * count if taken > 0 else 0):
                 store(past[STEP], i, where_larger(size, allowed, load(past[STEP], i), 0.0))
-            mix(series[g], past, taken, squares, space, m, count)
-
-
-@spliced
-def rises(bend, square, over_before, over_after, way):
-    """Positive where a peak beside a sample may be higher than it by more than `way`.
-
-    Not only the highest sample is looked at: a lower one may be beside a higher peak.
-    """
-    hope = square * (DOUBT / 8.0) - bend * way + TINY
-    hope = where_larger(over_before, 0.0, hope, -1.0)
-    return where_larger(0.0, over_after, -1.0, hope)
-
-
-@inner
-def widen(signal, i, sign, hope, extrema, way, o):
-    """Widen an extremum (row o of extrema[way]) where `hope` > 0: sign * signal has a peak near i.
-
-    By a quartic through five samples; what a parabola gives otherwise says how unsure that is.
-    """
-    n = signal.shape[0]
-    a = load(signal, i - 2 if i > 1 else i + n - 2) * sign
-    b = load(signal, i - 1 if i > 0 else n - 1) * sign
-    c = load(signal, i) * sign
-    d = load(signal, i + 1 if i + 1 < n else 0) * sign
-    e = load(signal, i + 2 if i + 2 < n else i + 2 - n) * sign
-    c1 = (a - e - (b - d) * 8.0) * (1 / 12)
-    c2 = ((b + d) * 16.0 - a - e - c * 30.0) * (1 / 24)
-    c3 = (e - a + (b - d) * 2.0) * (1 / 12)
-    c4 = (a + e - (b + d) * 4.0 + c * 6.0) * (1 / 24)
-    best, x = c, spread(0.0)
-    for _ in range(NEWTON_STEPS):
-        bend = c2 * 2.0 + x * (c3 * 6.0 + x * c4 * 12.0)
-        slope = c1 + x * (c2 * 2.0 + x * (c3 * 3.0 + x * c4 * 4.0))
-        x = where_larger(0.0, bend, x - slope / bend, x)
-        x = where_larger(x, 1.0, 1.0, where_larger(-1.0, x, -1.0, x))
-        value = c + x * (c1 + x * (c2 + x * (c3 + x * c4)))
-        best = where_larger(value, best, value, best)
-    parabola = c + (d - b) * (d - b) / ((c * 2.0 - b - d) * 8.0)
-    unsure = where_larger(best, parabola, best - parabola, parabola - best)
-    known = load(extrema[way], o) * sign
-    better = where_larger(hope, 0.0, where_larger(known, best, 0.0, 1.0), 0.0)
-    store(extrema[way], o, where_larger(better, 0.0, best, known) * sign)
-    place = extrema[UNSURE + way]
-    store(place, o, where_larger(better, 0.0, unsure, load(place, o)))
-
-
-@kernel
-def look(
-    node, force, forces, base, omega, weights, used, begins, roots, extrema, lines, series,
-    columns, signal,
-):  # fmt: skip
-    """Fill the extrema (G, 4, o, W) of the outputs, and how unsure they are.
-
-    weights : (G, o, C, W) of the columns z, v, the element forces, and u, u', u''
-    used, begins : columns that matter, one output after the other, and where each begins (o + 1,)
-    lines : (2, n, W); series : (K, 2, W); columns : (C, n, W); signal : (n, W), space
-    """
-    groups, nodes, count, n = node.shape[0], node.shape[1], node.shape[3], signal.shape[0]
-    m, e = node.shape[2] - 1, forces.shape[1]
-    for g in range(groups):
-        rate = load(omega[g], 0)
-        for i in range(nodes):
-            for k in range(count):
-                place = 2 * ((i * (m + 1) + m) * count + k)
-                a, b = load(node[g], place), load(node[g], place + 1)
-                for j in range(m):
-                    place = 2 * ((i * (m + 1) + j) * count + k)
-                    x, y = load(node[g], place), load(node[g], place + 1)
-                    place = 2 * (j * count + k)
-                    fr, fi = load(force[g], place), load(force[g], place + 1)
-                    a, b = a - (x * fr - y * fi), b - (x * fi + y * fr)
-                store(series, 2 * k, a)
-                store(series, 2 * k + 1, b)
-            for order in range(2):
-                samples_of(
-                    series, rate, order, count, n, roots, lines[0], lines[1],
-                    columns[order * nodes + i],
-                )  # fmt: skip
-        for i in range(e):
-            for s in range(n):
-                store(columns[2 * nodes + i], s, load(forces[g, i], s))
-        known = base.shape[1]
-        for k in range(2 * known):
-            store(series, k, load(base[g], k))
-        for order in range(3):
-            samples_of(
-                series, rate, 0, known, n, roots, lines[0], lines[1],
-                columns[2 * nodes + e + order],
-            )  # fmt: skip
-            for k in range(known):
-                w = rate * float(k)
-                x, y = load(series, 2 * k), load(series, 2 * k + 1)
-                store(series, 2 * k, y * w * -1.0)
-                store(series, 2 * k + 1, x * w)
-        for o in range(begins.size - 1):
-            for s in range(0, n, 4):  # four sums at once: one would wait for its last addition
-                v0, v1, v2, v3 = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
-                for u in range(begins[o], begins[o + 1]):
-                    weight, column = load(weights[g, o], used[u]), columns[used[u]]
-                    v0, v1 = v0 + weight * load(column, s), v1 + weight * load(column, s + 1)
-                    v2, v3 = v2 + weight * load(column, s + 2), v3 + weight * load(column, s + 3)
-                store(signal, s, v0)
-                store(signal, s + 1, v1)
-                store(signal, s + 2, v2)
-                store(signal, s + 3, v3)
-            before = load(signal, n - 1)
-            high, low, leap = before, before, spread(0.0)
-            for s in range(n):
-                value = load(signal, s)
-                high = where_larger(value, high, value, high)
-                low = where_larger(low, value, value, low)
-                change = value - before
-                change = where_larger(change, 0.0, change, change * -1.0)
-                leap = where_larger(change, leap, change, leap)
-                before = value
-            store(extrema[g, HIGH], o, high)
-            store(extrema[g, LOW], o, low)
-            store(extrema[g, UNSURE + HIGH], o, 0.0)
-            store(extrema[g, UNSURE + LOW], o, 0.0)
-            for s in range(n):
-                here = load(signal, s)
-                # a parabola through a sample and two lower ones rises above it by less than this
-                if not (any_larger(here, high - leap) or any_larger(low + leap, here)):
-                    continue
-                before = load(signal, s - 1 if s > 0 else n - 1)
-                after = load(signal, s + 1 if s + 1 < n else 0)
-                bend, square = here * 2.0 - before - after, (after - before) * (after - before)
-                above = rises(bend, square, here - before, here - after, high - here)
-                below = rises(bend * -1.0, square, before - here, after - here, here - low)
-                if any_larger(above, 0.0):
-                    widen(signal, s, 1.0, above, extrema[g], HIGH, o)
-                if any_larger(below, 0.0):
-                    widen(signal, s, -1.0, below, extrema[g], LOW, o)
+            mix(series[g], past, taken, squares, space, m, count, odd)
+        store(found[g], LEAP, largest_leap(total, n, odd))
+        store(found[g], STEPS, steps)
+        store(found[g], IS_EVEN, 0.0)
+        if odd:
+            even = even_part(channels, elements, values, motion, forces[g], total[0], n)
+            store(found[g], IS_EVEN, even)
