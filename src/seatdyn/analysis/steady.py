@@ -206,8 +206,8 @@ def _finish(
     else:
         start = _moving_as_the_base(problem)
         orbit = find_orbit(problem, excitation, tolerance, STICKING_PERIODS, start=start)
-    if orbit is None or orbit.status is not Status.CONVERGED:
-        return None
+    if orbit is None or orbit.status is not Status.CONVERGED or not orbit.error <= tolerance:
+        return None  # with "hb" the tolerance is one of the error
     data = _of_orbit(problem, excitation, orbit, tolerance)
     data.attrs |= {"method": "hb", "finished": "time"}
     data.attrs |= {"check_deviation": orbit.error} if check else {}
@@ -447,14 +447,17 @@ def _newton(
     *,
     stable: bool = True,
 ) -> Orbit | None:
-    """Newton's method on the period map; None unless it ends on an orbit, `stable` if asked."""
+    """Newton's method on the period map; None unless it ends on an orbit, `stable` if asked.
+
+    It repeats itself within the tolerance, and is as near to the true one if steps lead there.
+    """
     y = state.y
     jacobian = np.eye(y.size)
-    residual_before = np.inf
+    residual_before, found = np.inf, None
     for step in range(NEWTON_STEPS):
         run = problem.run(0.0, period, problem.start(y))
         if run.status is not Status.OK or run.end.is_held:
-            return None
+            return found
         scales = orbit_scales(problem, run)
         residual = float(np.max(np.abs(run.end.y - y) / scales))
         if step and residual <= tolerance:
@@ -463,15 +466,18 @@ def _newton(
             if stable and multiplier >= 1.0:
                 return None
             error = residual * max(1.0, 1.0 / max(np.abs(1.0 - multipliers).min(), 1e-300))
-            return Orbit(
-                Status.CONVERGED, period, run, error=error, multiplier=multiplier, periods=count
-            )
+            if found is None or error < found.error:
+                found = Orbit(
+                    Status.CONVERGED, period, run, error=error, multiplier=multiplier, periods=count
+                )
+            if error <= tolerance:
+                return found
         if residual > 0.5 * residual_before:
-            return None
+            return found
         residual_before = residual
         jacobian = period_map(problem, period, run, y, scales)
         y = y + np.linalg.solve(np.eye(y.size) - jacobian, run.end.y - y)
-    return None
+    return found
 
 
 def period_map(problem: Problem, period: float, run: Run, y: Array, scales: Array) -> Array:
