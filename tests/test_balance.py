@@ -10,6 +10,7 @@ import pytest
 
 import seatdyn as sd
 from conftest import OFF, ON, OUTPUTS, oracle_rows, oscillator, paper_system
+from seatdyn.analysis import steady
 from seatdyn.analysis.balance import balance
 from seatdyn.analysis.run import Problem, Settings
 from seatdyn.analysis.steady_balance import balanced_state
@@ -248,6 +249,20 @@ def test_sticking_is_finished_in_time(sine):
     reached = sd.steady_state(system, sine)
     assert reached.attrs["method"] == "time"
     np.testing.assert_allclose(state.amplitude, reached.amplitude, rtol=1e-5)
+
+
+def test_what_is_finished_in_time_has_the_error_asked_for(sine, monkeypatch):
+    """A motion that repeats itself within the tolerance may be further from the true one."""
+    original = steady.find_orbit
+
+    def less_sure(*arguments, **options):
+        orbit = original(*arguments, **options)
+        orbit.error = 2e-9
+        return orbit
+
+    monkeypatch.setattr(steady, "find_orbit", less_sure)
+    state = sd.steady_state(paper_system(dry(force=90.0)), sine, method="hb", tolerance=1e-9)
+    assert state.attrs["status"] != "converged"
 
 
 def test_grazing_has_no_multipliers():
