@@ -97,7 +97,7 @@ def test_sets_lowered_at_once_are_those_of_their_own_systems(elements, own):
     for p in np.nonzero(members.known)[0]:
         values = {key: float(column[p]) for key, column in sets.items()}
         theirs = with_parameters(system, SINE, values)
-        got, rows = members[p]
+        got, rows = members[p], members.rows(slice(p, p + 1), slice(None))[0]
         exact = dict(zip(got._fields, condense(*theirs), strict=True))
         for field, ours in zip(got._fields, got, strict=True):
             np.testing.assert_allclose(ours, exact[field], rtol=1e-10, atol=1e-12, err_msg=field)

@@ -14,7 +14,6 @@ from seatdyn.analysis.balance import (
     Array,
     balance,
     output_names,
-    output_rows,
     solve,
     spaces,
 )
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ALL = slice(None)
+UNKNOWN = np.array([np.nan])  # multipliers that are not asked for
 FEWEST_TOGETHER = 16  # sets from which on it pays to compile what solves several at once
 
 
@@ -103,19 +103,19 @@ def steady_states(
     status = np.full(size, str(Status.CONVERGED), dtype=object)
     message = np.full(size, Status.CONVERGED.message, dtype=object)
     members = Members(system, excitation, columns)
-    if members.known.any():
-        rows = output_rows(system)[1][wanted]
-        space = spaces(system, rows, MOST_SAMPLES)
     with CompileNotice(BALANCE), interruptible():
         together = np.nonzero(members.known)[0]
         if not stability and len(together) >= FEWEST_TOGETHER and members.smooth:
             many = members.many(together, wanted)
             amplitude[together], error[together] = balance_many(many, tolerance)
-        for p in map(int, np.nonzero(np.isnan(error))[0]):
+        alone = np.nonzero(np.isnan(error))[0]
+        if members.known[alone].any():
+            rows = members.rows(ALL, wanted)
+            space = spaces(system, rows[0], MOST_SAMPLES)
+        for p in map(int, alone):
             try:
                 if members.known[p]:
-                    problem, rows = members[p]
-                    found = solve(system, problem, rows[wanted], names, *space, tolerance)
+                    found = solve(system, members[p], rows[p], names, *space, tolerance)
                     those: Any = ALL
                 else:
                     values = {name: float(column[p]) for name, column in columns.items()}
@@ -125,7 +125,7 @@ def steady_states(
             except SeatdynError as reason:
                 status[p], message[p] = "refused", str(reason)
                 continue
-            multipliers, slowest = np.array([np.nan]), np.inf
+            multipliers, slowest = UNKNOWN, np.inf
             if stability and found.found:
                 multipliers, slowest = found.floquet()
             how = status_of(found, slowest)

@@ -194,15 +194,13 @@ class Members:
         breaks = self._base.breaks
         return not np.any(breaks[:, [ON_DISPLACEMENT, VALUE, IS_JUMP]])
 
-    def many(self, which: Integers, outputs: Sequence[int]) -> Many:
+    def many(self, which: Integers, outputs: Sequence[int] | slice) -> Many:
         """Known members side by side, to be asked for some of their outputs."""
         base, ratio, level = self._base, self._ratio[which], self._level[which]
         system, motion = self._system, self._excitation.motion
         linear, pull = self._linear[which], self._pull[which]
         channel = np.repeat(np.arange(len(base.channels) - 1), np.diff(base.channels[:, ELEMENTS]))
-        weights = without_accelerations(
-            self._sum(self._row_parts[:, outputs], which), linear, pull, channel
-        )
+        weights = without_accelerations(self.rows(which, outputs), linear, pull, channel)
         drive = np.multiply.outer(level / ratio**2, base.base)
         return Many(
             linear, pull, drive, base.omega * ratio,
@@ -210,16 +208,20 @@ class Members:
             lower(system, motion, address=rows_law_address).elements,
         )  # fmt: skip
 
+    def rows(self, which: Integers | slice, outputs: Sequence[int] | slice) -> Array:
+        """Outputs of known members as combinations of the columns of a sample, (p, o, C)."""
+        return self._sum(self._row_parts[:, outputs], which)
+
     def _scale(self, name: str) -> Array:
         """Frequency or level of every member in terms of those of the base motion lowered."""
         own = {FREQUENCY: self._excitation.frequency, LEVEL: self._excitation.peak}[name]
         return np.broadcast_to(self._columns.get(name, own), self._size) / own
 
-    def __getitem__(self, p: int) -> tuple[Condensed, Array]:
-        """Problem and outputs of a known member."""
+    def __getitem__(self, p: int) -> Condensed:
+        """Problem of a known member."""
         base, ratio, level = self._base, self._ratio[p], self._level[p]
         gain, later_pull, later_gain = self._of_channels
-        problem = base._replace(
+        return base._replace(
             linear=np.ascontiguousarray(self._linear[p]),
             pull=np.ascontiguousarray(self._pull[p]),
             gain=gain[p],
@@ -231,7 +233,6 @@ class Members:
             scale=np.ones(2),
             omega=base.omega * ratio,
         )
-        return problem, self._sum(self._row_parts, p)
 
 
 def are_stiff(matrices: Array) -> Flags:

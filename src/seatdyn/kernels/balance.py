@@ -66,23 +66,23 @@ SMALL = 1e-300
 
 
 @inner
-def sample_motion(problem, lines, series, count, n, events, weights, reduced, d, v):
-    """Samples (c, n) of displacement and velocity of the columns of a series with sawtooths."""
+def sample_column(problem, lines, reduced, count, n, events, weights, c, order, target):
+    """Samples (n,) of column c of a series less its sawtooths, and of these; order 1: of its rate.
+
+    reduced, weights : see `reduce_series` and `tail_weights`
+    """
     w = problem.omega
-    reduce_series(problem, series, count, events, weights, reduced)
-    for c in range(series.shape[1]):
-        for k in range(count):
-            lines[LINE, k] = reduced[k, c]
-        samples_of(lines[LINE], count, n, lines, d[c])
-        for k in range(count):
-            lines[LINE, k] *= 1j * (k * w)
-        samples_of(lines[LINE], count, n, lines, v[c])
-        for e in range(number_of(events)):
-            third, fourth = weights[e, TAILS * c], weights[e, TAILS * c + 1]
-            fifth = weights[e, TAILS * c + 2]
-            origin = events[e, PHASE] + w * problem.lag[int(events[e, CHANNEL])]
-            add_sawtooths(d[c], n, origin, 0.0, 0.0, third, fourth, fifth)
-            add_sawtooths(v[c], n, origin, 0.0, w * third, w * fourth, w * fifth, 0.0)
+    for k in range(count):
+        lines[LINE, k] = reduced[k, c] * (1j * (k * w)) if order == 1 else reduced[k, c]
+    samples_of(lines[LINE], count, n, lines, target)
+    for e in range(number_of(events)):
+        third, fourth = weights[e, TAILS * c], weights[e, TAILS * c + 1]
+        fifth = weights[e, TAILS * c + 2]
+        origin = events[e, PHASE] + w * problem.lag[int(events[e, CHANNEL])]
+        if order == 0:
+            add_sawtooths(target, n, origin, 0.0, 0.0, third, fourth, fifth)
+        else:
+            add_sawtooths(target, n, origin, 0.0, w * third, w * fourth, w * fifth, 0.0)
 
 
 @spliced
@@ -128,10 +128,12 @@ def evaluate(problem, work, count, n):
     m = problem.lag.size
     events, weights = work.events[PRESENT], work.events[PRESENT, :, CORNER + 2 * m :]
     tail_weights(problem, events, problem.gain, problem.later_gain, weights)
-    sample_motion(
-        problem, work.lines, work.series[SERIES], count, n, events, weights, work.series[REDUCED],
-        work.samples[DISPLACEMENT], work.samples[VELOCITY],
-    )  # fmt: skip
+    reduced = work.series[REDUCED]
+    reduce_series(problem, work.series[SERIES], count, events, weights, reduced)
+    for j in range(m):
+        for order, place in ((0, DISPLACEMENT), (1, VELOCITY)):
+            target = work.samples[place, j]
+            sample_column(problem, work.lines, reduced, count, n, events, weights, j, order, target)
     enough = True
     if problem.breaks.shape[0]:
         enough = find_events(problem, work, count, n)

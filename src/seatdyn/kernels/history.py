@@ -345,7 +345,7 @@ def evaluate_with_states(problem, work, memory, history, n):
 def look_with_states(problem, work, look, n):
     """Fill the series of the nodes; their accelerations are without forces that have states."""
     node_series(problem, work, look, n // FINER)
-    sample_columns(problem, work, look, n // FINER, n)
+    sample_columns(problem, work, look, n // FINER, n, True)
 
 
 @kernel

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from seatdyn.kernels.balance import sample_motion
+from seatdyn.kernels.balance import sample_column
 from seatdyn.kernels.breaking import beside
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import (
@@ -40,6 +40,7 @@ from seatdyn.kernels.condensed import (
     TAILS,
     WORK,
     number_of,
+    reduce_series,
     state_at,
     tail_weights,
 )
@@ -197,16 +198,36 @@ def look_at(problem, work, look, count, theta, row, side):
             state[2 * n + i] -= problem.pull[i, j] * total
 
 
+@spliced
+def is_asked(rows, first, last):
+    """Whether any output needs any of the columns first .. last - 1."""
+    for o in range(rows.shape[0]):
+        for c in range(first, last):
+            if rows[o, c] != 0.0:
+                return True
+    return False
+
+
 @inner
-def sample_columns(problem, work, look, count, samples):
-    """Fill the first `samples` samples of every column."""
+def sample_columns(problem, work, look, count, samples, whole):
+    """Fill the first `samples` samples of every column.
+
+    Else of those that the outputs need, where accelerations, forces and what is late are not.
+    """
     n, m = problem.pull.shape
     columns, line = look.columns, work.lines[LINE]
     first = 3 * n + problem.elements.shape[0]
-    sample_motion(
-        problem, work.lines, look.nodes[NODES], count, samples, work.events[PRESENT],
-        look.weights[:, 0:], look.nodes[NODES_REDUCED], columns[:n], columns[n : 2 * n],
-    )  # fmt: skip
+    events, weights = work.events[PRESENT], look.weights[:, 0:]
+    reduced = look.nodes[NODES_REDUCED]
+    reduce_series(problem, look.nodes[NODES], count, events, weights, reduced)
+    for i in range(n):
+        for order in range(2):
+            place = order * n + i
+            if whole or is_asked(look.rows, place, place + 1):
+                sample_column(
+                    problem, work.lines, reduced, count, samples, events, weights, i, order,
+                    columns[place],
+                )  # fmt: skip
     top = min(problem.base.size, count)
     for k in range(top):
         line[k] = problem.base[k]
@@ -214,6 +235,8 @@ def sample_columns(problem, work, look, count, samples):
         samples_of(line, top, samples, work.lines, columns[first + order])
         for k in range(top):
             line[k] *= 1j * (k * problem.omega)
+    if not whole:
+        return
     for i in range(n):
         target = columns[2 * n + i]
         for c in range(2 * n + 2):
@@ -350,8 +373,10 @@ def find_extrema(problem, work, look, samples):
     """Fill the extrema of every output over the period, both sides of every event included."""
     count = samples // OVERSAMPLING
     node_series(problem, work, look, count)
-    sample_columns(problem, work, look, count, samples)
     events, rows, extrema = work.events[PRESENT], look.rows, look.extrema
+    n, first = problem.pull.shape[0], 3 * problem.pull.shape[0] + problem.elements.shape[0]
+    whole = is_asked(rows, 2 * n, first) or is_asked(rows, first + 3, rows.shape[1])
+    sample_columns(problem, work, look, count, samples, whole)
     step = 2.0 * math.pi / samples
     values = look.columns[rows.shape[1]]
     for o in range(rows.shape[0]):
