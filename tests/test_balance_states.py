@@ -116,9 +116,3 @@ def test_multipliers_of_a_stiff_light_cushion():
     np.testing.assert_allclose(
         np.abs(ours.floquet_multipliers[:3]), np.abs(theirs.floquet_multipliers[:3]), atol=1e-4
     )
-
-
-def test_delays_beside_states_are_refused(sine):
-    system = paper_system(sd.BoucWen(4e3, 0.2, 300.0, 50.0)).delayed(0.01)
-    with pytest.raises(sd.RequestError, match="no delay beside elements with states"):
-        sd.steady_state(system, sine, method="hb")

@@ -65,12 +65,16 @@ def base_harmonics(motion: Motion, period: float) -> NDArray[np.complex128] | No
     return base
 
 
+Place = tuple[tuple[str, str], float]  # a pair of nodes, and the delay of what acts across it
+
+
 def condense(
-    system: SeatSystem, excitation: Excitation, watched: Sequence[tuple[str, str]] = ()
+    system: SeatSystem, excitation: Excitation, watched: Sequence[Place] = ()
 ) -> Condensed | None:
     """Arrays of the periodic problem, or None where the base motion is not a sum of sines.
 
-    watched : further pairs of nodes whose relative motion is to be known, as channels without laws
+    watched : further pairs of nodes whose relative motion is to be known, as channels without laws,
+        and the delays of the forces that others find for them
     """
     if excitation.period is None:
         raise RequestError(f"{type(excitation).__name__} has no period.")
@@ -78,9 +82,8 @@ def condense(
     if base is None:
         return None
     plant = lower(system, excitation.motion, delays=True, memory=bool(system.memory_elements))
-    n, pairs = system.linear.size, [*(channel.between for channel in system.channels), *watched]
-    prompt = [*(channel.delay == 0.0 for channel in system.channels), *(True for _ in watched)]
-    places = [[place_of(system, node) for node in pair] for pair in pairs]
+    n, across = system.linear.size, [*places_of(system), *watched]
+    places = [[place_of(system, node) for node in pair] for pair, _ in across]
     ends = np.array(places, dtype=np.int64).reshape(-1, 2)
     last = np.repeat(plant.channels[-1:, [ELEMENTS, BREAKS]], len(watched), axis=0)
     laws = np.vstack([plant.channels[:, [ELEMENTS, BREAKS]], last])
@@ -88,9 +91,9 @@ def condense(
     incidence = unit[ends[:, 1]] - unit[ends[:, 0]]
     linear = plant.linear.copy()
     pull = np.linalg.solve(system.linear.prompt.mass, incidence[:, :n].T)
-    shift = np.zeros(len(pairs))
+    shift = np.zeros(len(across))
     if np.linalg.cond(linear[:, :n]) > LOOSE:
-        shift = bearing_stiffness(system, pairs) * prompt
+        shift = bearing_stiffness(system, across)
         linear[:, [*range(n), 2 * n]] -= (pull * shift) @ incidence
     pull = np.ascontiguousarray(pull)
     stiff, damped = linear[:, :n], linear[:, n : 2 * n]
@@ -99,9 +102,14 @@ def condense(
         linear, pull, incidence[:, :n] @ pull, later, incidence[:, :n] @ later,
         np.column_stack([np.vstack([ends, [[0, 0]]]), laws]), plant.elements, plant.parameters,
         plant.breaks, base, shift,
-        np.array([channel.delay for channel in system.channels] + [0.0] * len(watched)), np.ones(2),
+        np.array([delay for _, delay in across]), np.ones(2),
         2 * math.pi / excitation.period, np.array(system.delays), late_forces(system),
     )  # fmt: skip
+
+
+def places_of(system: SeatSystem) -> list[Place]:
+    """Where the channels of a system are, in their order."""
+    return [(channel.between, channel.delay) for channel in system.channels]
 
 
 def place_of(system: SeatSystem, node: str) -> int:
@@ -109,9 +117,9 @@ def place_of(system: SeatSystem, node: str) -> int:
     return -1 if node == BASE else system.linear.index(node)
 
 
-def bearing_stiffness(system: SeatSystem, pairs: Sequence[tuple[str, str]]) -> Array:
-    """Stiffness at rest in N/m across every pair of nodes, of elements that have one."""
-    total = np.zeros(len(pairs))
+def bearing_stiffness(system: SeatSystem, across: Sequence[Place]) -> Array:
+    """Stiffness at rest in N/m of each place, of elements that have one and act at once."""
+    total = np.zeros(len(across))
     for element in (*system.nonlinear_elements, *system.memory_elements):
         with suppress(ModelError, np.linalg.LinAlgError):
             if isinstance(element, MemoryElement):
@@ -120,7 +128,7 @@ def bearing_stiffness(system: SeatSystem, pairs: Sequence[tuple[str, str]]) -> A
                 assert isinstance(element, NonlinearElement)
                 stiffness = element.tangent()[0]
             if element.delay == 0.0 and np.isfinite(stiffness):
-                total[pairs.index(element.between)] += stiffness
+                total[across.index((element.between, 0.0))] += stiffness
     return total
 
 
@@ -263,10 +271,14 @@ class Balanced:
     def late_start(self, problem: LateProblem) -> LateState:
         """State at t = 0 of a system with delays, with the past that it needs."""
         omega = self.problem.omega
-        breaks = np.concatenate([self.event_phases, self.crossing_phases]) % (2 * np.pi)
+        breaks = self.event_phases % (2 * np.pi)
         turns = np.arange(-1.0 - problem.longest_delay * omega // (2 * np.pi), 1.0)
         times = (breaks[:, None] + 2 * np.pi * turns) / omega
-        return late_state(problem, lambda t: self.sample(omega * t), times.ravel())
+        return late_state(problem, lambda t: self.carried(omega * t), times.ravel())
+
+    def carried(self, phases: Array) -> Samples:
+        """The motion at phases in rad, with the states that go with the motion of the moment."""
+        return self.sample(phases)
 
     def start(self) -> Array:
         """State at t = 0: displacements, then velocities, (2N,)."""

@@ -21,12 +21,14 @@ from seatdyn.analysis.balance import (
     Balanced,
     condense,
     output_names,
+    places_of,
 )
+from seatdyn.analysis.delay_time import LateProblem
 from seatdyn.analysis.hysteretic import HystereticProblem, problem_for
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.periodic import sorted_multipliers
 from seatdyn.analysis.run import Samples, Settings, interruptible
-from seatdyn.errors import RequestError, Status
+from seatdyn.errors import Status
 from seatdyn.kernels import history as kernels
 from seatdyn.kernels.balance import CONVERGED, NOT_CONVERGED
 from seatdyn.kernels.columns import IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY
@@ -45,7 +47,7 @@ from seatdyn.kernels.condensed import (
 from seatdyn.kernels.history import FINER, START, History, make_history
 from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.kernels.levels import NOT_ACCURATE, SMALLEST_STRIDE, STRIDE, estimate_of
-from seatdyn.kernels.memory import HELD, Memory
+from seatdyn.kernels.memory import HELD, STATES, Memory
 from seatdyn.kernels.orbit import HIGH, LOW, make_look
 from seatdyn.model.excitation import Excitation
 from seatdyn.model.system import BASE, SeatSystem
@@ -59,6 +61,7 @@ MOST_STEPS, SMALLEST_STEP = 25, 1.0 / 64.0
 NEWTON_SHARE, SMALLEST_RESIDUAL = 0.03, 1e-11  # of the tolerance; what Newton's method may leave
 STALLED = 1e-7  # residual, relative, at which no further progress is no failure
 MULTIPLIERS = Settings(rtol=1e-10, max_steps=500_000)
+MOST_PARTS = 64  # times as many steps of the states as their fastest rate asks for
 WINDOW = np.linspace(-1.0, 1.0, 17)  # samples around an extremum, looked at again
 
 
@@ -77,21 +80,41 @@ class BalancedWithStates(Balanced):
     def sample(
         self, phases: Array, rows: NDArray[np.int64] | None = None, sides: Array | None = None
     ) -> Samples:
-        """The motion at phases in rad, on one side of the breaks `rows` (-1: none)."""
+        """The motion at phases in rad, on one side of the breaks `rows` (-1: none).
+
+        Elements that act late do so with their states of then.
+        """
         phases = np.ascontiguousarray(phases)
         columns, n = self.at(phases, rows, sides), self.system.linear.size
-        states = np.empty((phases.size, self.history.size.size))
-        forces = np.empty((phases.size, len(self.history.place)))
-        arguments = (self.problem, self.memory, self.history, self.samples, phases)
-        with CompileNotice(BALANCE):
-            kernels.states_at(*arguments, states, forces)
+        states, forces = self._along(phases)
+        first = self.memory.laws[:, STATES]
+        for e, element in enumerate(self.system.memory_elements):
+            if element.delay:
+                then = self._along(phases - self.problem.omega * element.delay)
+                own = slice(first[e], first[e + 1])
+                states[:, own], forces[:, e] = then[0][:, own], then[1][:, e]
         columns[:, 2 * n : 3 * n] -= forces @ self.memory.pull.T
         samples = self.as_samples(columns, phases)
+        force = np.column_stack([samples.force, forces])
         return samples._replace(
             states=states,
-            force=np.column_stack([samples.force, forces]),
+            force=force,
             elastic=np.column_stack([samples.elastic, np.zeros_like(forces)]),
+            past=tuple(then._replace(force=force) for then in samples.past),
         )
+
+    def carried(self, phases: Array) -> Samples:
+        """The motion at phases in rad, with the states that go with the motion of the moment."""
+        return self.sample(phases)._replace(states=self._along(phases)[0])
+
+    def _along(self, phases: Array) -> tuple[Array, Array]:
+        """States (p, q) that go with the motion at phases in rad, and the forces of both (p, e)."""
+        states = np.empty((phases.size, self.history.size.size))
+        forces = np.empty((phases.size, len(self.history.place)))
+        arguments = (self.problem, self.memory, self.history, self.samples)
+        with CompileNotice(BALANCE):
+            kernels.states_at(*arguments, np.ascontiguousarray(phases), states, forces)
+        return states, forces
 
     def outputs(self, phases: Array, *sided: Any) -> Array:
         """Every output at phases in rad, (o, p)."""
@@ -136,6 +159,8 @@ class BalancedWithStates(Balanced):
         """
         from seatdyn.analysis.steady import orbit_scales, period_map
 
+        if self.system.delays:
+            return super().floquet()
         problem = HystereticProblem.prepare(self.system, self.motion, (), MULTIPLIERS)
         start, period = self.start(), 2 * math.pi / self.problem.omega
         run = problem.run(0.0, period, problem.start(start))
@@ -267,7 +292,16 @@ class Solver:
             if not np.isfinite(norm):  # of too many events, say: no step leads on from there
                 return NOT_CONVERGED, math.inf
             if norm <= tolerance * size:
-                return CONVERGED, norm / size
+                # steps of the states are halved while that matters: the estimate compares levels,
+                # whose steps may be the same
+                self.history.parts[0] *= 2
+                finer = self.residual(x)
+                if np.linalg.norm(finer - r) <= tolerance * size:
+                    self.history.parts[0] //= 2
+                    return CONVERGED, max(norm, float(np.linalg.norm(finer))) / size
+                if self.history.parts[0] < MOST_PARTS:
+                    continue
+                return NOT_CONVERGED, norm / size
             if self.near is None:
                 self.precondition(x, r)
             step, share = self.direction(x, r), 1.0
@@ -313,50 +347,36 @@ class Solver:
 def balance_with_states(
     system: SeatSystem, excitation: Excitation, tolerance: float, most: int = MOST_SAMPLES
 ) -> Balanced | None:
-    """Motion with the period of the excitation; None where the base motion is no sum of sines.
-
-    Raises
-    ------
-    RequestError
-        Forces are delayed.
-    """
-    if system.delays:
-        raise RequestError(
-            "Harmonic balance knows no delay beside elements with states of their own, such as "
-            f"{system.memory_elements[0].name} here, and forces of this system act "
-            f"{system.delays[0]:g} s late. Use steady_state with method='time'."
-        )
+    """Motion with the period of the excitation; None where the base motion is no sum of sines."""
     in_time = problem_for(system, excitation, MULTIPLIERS)
-    assert isinstance(in_time, HystereticProblem)
-    elements, known = system.memory_elements, [channel.between for channel in system.channels]
-    watched: list[tuple[str, str]] = []
-    for element in elements:
-        second = element.between[1]
-        for pair in (element.between, *([] if second == BASE else [(BASE, second)])):
-            if pair not in (*known, *watched):
-                watched.append(pair)
-    problem = condense(system, excitation, watched)
+    assert isinstance(in_time, HystereticProblem | LateProblem)
+    elements, across = system.memory_elements, places_of(system)
+    known = len(across)
+    travels = [(e.between, e.delay) for e in elements]
+    nodes = [((BASE, e.between[1]), 0.0) for e in elements]
+    across += dict.fromkeys(p for p in (*travels, *nodes) if p not in across and len(set(p[0])) > 1)
+    problem = condense(system, excitation, across[known:])
     if problem is None:
         return None
-    pairs = [*known, *watched]
     place = [
         (
-            pairs.index(e.between),
-            -1 if e.between[1] == BASE else pairs.index((BASE, e.between[1])),
+            across.index(travel),
+            across.index(node) if node in across else -1,
             int(bool(e.lower().breaks)),
         )
-        for e in elements
+        for e, travel, node in zip(elements, travels, nodes, strict=True)
     ]
     first = FEWEST_SAMPLES
     while first // FINER <= 2 * (problem.base.size - 1):
         first *= 2
     most = max(most, 4 * first)
     names, n = output_names(system), system.linear.size
-    work = make_work(n, len(pairs), most)
+    work = make_work(n, len(across), most)
     history = make_history(np.array(place, dtype=np.int64), in_time.state_scale, most)
     settled = [s for e in elements for s in e.settled(0.0)]
     history.space[START] = settled
     columns = 3 * n + sum(len(channel.elements) for channel in system.channels) + 3
+    columns += len(system.delays) * (2 * n + 2)
     look = make_look(np.zeros((len(names), columns)), n, most)
     solver = Solver(problem, work, in_time.memory, history)
     solver.samples = first

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.delay_past import Past
+from seatdyn.analysis.delay_past import POWERS, Past
 from seatdyn.analysis.delay_time import START, LateProblem, LateRun, LateState
 from seatdyn.analysis.run import SHARE_OF_INPUT, Run, Samples
 from seatdyn.errors import Status
@@ -34,6 +34,9 @@ LOOSE, FINER = 1e-2, 2.0  # tolerance of its runs, and how much shorter their st
 RESOLVED = 1e-6  # relative error of such a run; beyond it the runs are adaptive,
 ACCURACY, FINEST = 1e-2, 1e-12  # with this share of the tolerance, and not below that
 PIECES, BESIDE = 128, 1e-10  # of the past of a known motion; s beside a break
+HALVINGS = 40  # of the time between two of them, on the way to a break
+QUARTERS = np.linspace(0.0, 1.0, POWERS)  # shares of a row
+THROUGH = np.linalg.inv(np.vander(QUARTERS, increasing=True))  # coefficients from values there
 CLOSE = 1e-2  # relative change per period below which the operator is worked out
 FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
 JITTER = 1e-2  # relative change per period that may be the error of the steps
@@ -245,26 +248,50 @@ def late_state(
     """State at t = 0 with the past of a known periodic motion.
 
     motion : samples at times in s
-    breaks : times in s where a force jumps or has a corner, or a law is on a break
+    breaks : times in s where a force jumps or has a corner
     """
     span = problem.longest_delay
-    inside = breaks[(breaks > -span) & (breaks < 0.0)]
     grid = np.linspace(-span, 0.0, PIECES + 1)
+    breaks = np.concatenate([breaks, crossing_times(problem, motion, grid)])
+    inside = np.sort(breaks[(breaks > -span) & (breaks < 0.0)])
     times = np.unique(np.concatenate([grid, inside]))
     times = times[np.concatenate([[True], np.diff(times) > 2 * BESIDE])]
     times[-1] = 0.0
     here, after, before = (motion(times + shift) for shift in (0.0, BESIDE, -BESIDE))
     left = np.vstack([before.acceleration[1:], after.acceleration[-1:]])
     record = np.column_stack([times, here.displacement, here.velocity, after.acceleration, left])
-    middle = motion(0.5 * (times + np.append(times[1:], times[-1] + BESIDE)))
+    length = np.append(np.diff(times), BESIDE)
+    middle = motion(times + 0.5 * length)
+    if here.states is not None:
+        within = (times[:, None] + QUARTERS * length[:, None]).ravel()
+        values = np.asarray(motion(within).states).reshape(times.size, POWERS, -1)
+        quartics = np.einsum("jk,pkq->pqj", THROUGH, values)
+        quartics[-1, :, 1:] = 0.0
+        record = np.column_stack([record, quartics.reshape(times.size, -1)])
     sides = sides_along(problem, middle)
     held = np.full((times.size, problem.plant.gain.shape[0]), FREE)
     marks = np.column_stack([sides, held, np.zeros(times.size)]).astype(np.int64)
     ahead = [(t + d, START) for d in problem.system.delays for t in (*inside, 0.0) if t + d > 0.0]
     ahead.sort()
-    past = Past(record, marks, np.array([t for t, _ in ahead]), np.array([q for _, q in ahead]))
+    past = Past(
+        record, marks, np.array([t for t, _ in ahead]), np.array([q for _, q in ahead]),
+        states=problem.state_scale.size,
+    )  # fmt: skip
     fresh = problem.start(record[-1, 1 : 2 * problem.system.linear.size + 1])
     return LateState(fresh.y, fresh.side, fresh.held, past)
+
+
+def crossing_times(problem: LateProblem, motion: Callable[[Array], Samples], times: Array) -> Array:
+    """When a motion crosses the breaks of laws, in s, by bisection between these times."""
+    sides = sides_along(problem, motion(times))
+    row, which = np.nonzero(np.diff(sides, axis=0))
+    low, high = times[row], times[row + 1]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        there = sides_along(problem, motion(middle))[np.arange(row.size), which]
+        before = there == sides[row, which]
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return high
 
 
 def sides_along(problem: LateProblem, samples: Samples) -> NDArray[np.int64]:

@@ -74,6 +74,7 @@ class History(NamedTuple):
     force : (e, n)
     space : (., q): see START ...
     matrix : (q, q + 3)
+    parts : (1,) int, how many times as many steps as the fastest rates ask for
     """
 
     place: np.ndarray
@@ -83,6 +84,7 @@ class History(NamedTuple):
     force: np.ndarray
     space: np.ndarray
     matrix: np.ndarray
+    parts: np.ndarray
 
 
 def make_history(place: np.ndarray, size: np.ndarray, samples: int) -> History:
@@ -91,6 +93,7 @@ def make_history(place: np.ndarray, size: np.ndarray, samples: int) -> History:
     return History(
         place, size, np.zeros((e, samples + 1, 5)), np.zeros((samples + 1, q)),
         np.zeros((e, samples)), np.zeros((SUM + 1, q)), np.zeros((q, q + 3)),
+        np.ones(1, np.int64),
     )  # fmt: skip
 
 
@@ -209,6 +212,7 @@ def advance(memory, history, e, i, first, last, h, side, y):
     rate = max(rate, stiffness_at(memory, history, e, i, last, h, side, y))
     wanted = 1.0 + (last - first) * h * rate / STIFFEST
     parts = int(min(wanted, MOST_PARTS)) if wanted > 0.0 else 1  # a nan stays one
+    parts *= history.parts[0]
     step = (last - first) / parts
     for part in range(parts):
         begins = first + part * step
