@@ -77,18 +77,23 @@ def side_by_side(system, sets, tolerance, outputs=slice(None)):
 
 @pytest.mark.parametrize("name", CASES)
 def test_members_are_solved_right_and_the_estimate_covers_the_error(name):
-    """Beside each other and one by one share the equations; the method is another."""
+    """Beside each other and one by one share the equations; the method is another.
+
+    Of all outputs: an acceleration may peak at a corner, or see a friction steeper than the motion.
+    """
     make, own = CASES[name]
-    system, sets, tolerance = make(), draw(own, 4 * WIDTH + 3), 1e-5
-    amplitude, error = side_by_side(system, sets, tolerance)
-    exact = sd.steady_states(system, SINE, sets, tolerance=1e-6)
-    known = (exact.status == "converged").values  # else 4096 samples do not give 1e-6
-    solved = np.isfinite(error)
-    assert min(known.mean(), solved.mean()) >= 0.9
-    assert np.all(error[solved] <= tolerance)
-    solved &= known
-    off = np.abs(amplitude / exact.amplitude.values - 1)[solved].max(axis=1)
-    assert np.all(off <= error[solved] + 1e-6)
+    system, sets = make(), draw(own, 10 * WIDTH + 3)
+    exact = sd.steady_states(system, SINE, sets, tolerance=1e-7)
+    known = (exact.status == "converged").values  # else 4096 samples do not give 1e-7
+    assert known.mean() >= 0.7
+    for tolerance in (1e-3, 1e-4, 1e-5, 1e-6):
+        amplitude, error = side_by_side(system, sets, tolerance)
+        solved = np.isfinite(error)
+        assert solved.mean() >= 0.8 or tolerance < 1e-5  # corners are left to the other way
+        assert np.all(error[solved] <= tolerance)
+        solved &= known
+        off = np.abs(amplitude / exact.amplitude.values - 1)[solved].max(axis=1)
+        assert np.all(off <= error[solved] + 2e-7)
 
 
 @pytest.mark.parametrize("name", ["quadratic", "two channels"])

@@ -27,18 +27,15 @@ from numpy.typing import NDArray
 
 from seatdyn.kernels.condensed import OVERSAMPLING
 from seatdyn.kernels.levels import (
-    LEAST_GAIN,
-    MOST_GAIN,
     NEWTON_SHARE,
     ROUNDING,
-    SLOWING,
     SMALLEST_RESIDUAL,
     SUDDEN,
     SUDDEN_STEEP,
     UNRESOLVED,
 )
 from seatdyn.kernels.rows import WIDTH
-from seatdyn.kernels.rows_look import AHEAD, UNSURE, look
+from seatdyn.kernels.rows_look import AHEAD, ROUGH, look
 from seatdyn.kernels.side_by_side import DEPTH, LEFT, PAIRS, respond, settle
 
 Array = NDArray[np.float64]
@@ -51,8 +48,11 @@ TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
 UNEVEN = 3  # steps between the fastest and the slowest member from which on they are sorted
+# fourth differences that fall below this share from level to level are not those of a corner: there
+# they halve, and of a smooth force fall to 1/16; and what a corner's peak may miss in terms of them
+SMOOTHER, BESIDE_CORNER = 1.0 / 6.0, 0.35
 STEEP_GAIN = 3.0  # of the change between two levels, where forces are steep
-STEEPER = 8.0  # than a sine of the same range: no smooth force is
+STEEPER = 8.0  # than a sine: no smooth force is
 
 
 class Many(NamedTuple):
@@ -106,34 +106,42 @@ def ascend(many: Many, tolerance: float, odd: bool) -> tuple[Array, Array]:
     m = many.pull.shape[2]
     amplitude, error = np.full((size, outputs), np.nan), np.full(size, np.nan)
     place, failures = np.arange(size), np.zeros(size, int)
-    newton = max(NEWTON_SHARE * tolerance, SMALLEST_RESIDUAL)
+    steepest = 1.0
     series = np.zeros((size, m, 0, 2))
     before = np.full((size, 2, outputs), np.nan)
-    change_before = np.full(size, np.inf)
+    change_before, rough_before = np.full(size, np.inf), np.full((size, outputs), np.inf)
     n, rows = FEWEST, Rows(many, odd)
     while n <= MOST:
+        newton = max(NEWTON_SHARE * tolerance / steepest, SMALLEST_RESIDUAL)
         found, (left, leap, even, steps) = rows.solve(n, series, newton)
         if np.any(even):
             raise NotOdd
         solved = np.isfinite(left)
         failures += ~solved
-        extrema, unsure = rows.extrema()
+        extrema, unsure, rough = rows.extrema()
         # close enough, and with no force much steeper than a sine
-        resolved, smooth = leap <= UNRESOLVED, leap <= STEEPER * np.pi / n
+        steep = leap * n / np.pi  # in terms of a sine of the same range
+        resolved, smooth = leap <= UNRESOLVED, steep <= STEEPER
+        # outputs with forces see through them what is left of the motion
+        steep = np.where(smooth | ~rows.forced.any(), 1.0, steep)
         extrema[~(solved & resolved)] = np.nan
         change = change_of(extrema, before, found, series)
-        estimate = np.maximum(unsure, estimate_of(change, change_before, smooth, left))
+        estimate = np.maximum(unsure, estimate_of(change, change_before, smooth, steep * left))
+        corner = np.where(rough > SMOOTHER * rough_before, BESIDE_CORNER * rough, 0.0)
+        estimate = np.maximum(estimate, corner.max(axis=1))
         done = estimate <= tolerance
         amplitude[place[done]] = (extrema[done, 0] - extrema[done, 1]) / 2
         error[place[done]] = estimate[done]
         stay = np.nonzero(~done & (failures < PATIENCE) & ~np.isnan(left))[0]
         if not stay.size:
             break
+        steepest = steep[stay].max()
         if stay.size < place.size or (n == FEWEST and np.ptp(steps) >= UNEVEN):
             stay = stay[np.argsort(steps[stay], kind="stable")]  # a row waits for its slowest
             many, place, failures = many.take(stay), place[stay], failures[stay]
             rows = Rows(many, odd)
         before, change_before, series = extrema[stay], change[stay], found[stay]
+        rough_before = rough[stay]
         n *= 2
     return amplitude, error
 
@@ -161,6 +169,8 @@ class Rows:
         needed = np.any(many.weights != 0.0, axis=0)
         self._matters, self._used = needed.any(axis=0), np.nonzero(needed)[1]
         self._begins = np.concatenate([[0], np.cumsum(needed.sum(axis=1))])
+        first = 2 * many.pull.shape[1]
+        self.forced = needed[:, first : first + len(many.elements)].any(axis=1)
         groups, nodes, m = len(self._base), *many.pull.shape[1:]
         self._node = np.empty((groups, nodes, m + 1, 0, 2, WIDTH))
         self._across = np.empty((groups, m, m + 1, 0, 2, WIDTH))
@@ -219,24 +229,26 @@ class Rows:
         found[:, LEFT][~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
         return self._members(series), self._members(found).T
 
-    def extrema(self) -> tuple[Array, Array]:
+    def extrema(self) -> tuple[Array, Array, Array]:
         """Highest and lowest value (p, 2, o) of every output over the period.
 
-        And how unsure they are for what is between the samples, relative to the amplitude (p,).
+        And relative to the amplitude how unsure they are for what is between the samples (p,), and
+        how rough outputs that forces enter are there (p, o).
         """
         count, samples = self._node.shape[3], self._lines.shape[1]
         outputs, columns = self._many.weights.shape[1:]
-        extrema = np.empty((len(self._node), 2 * UNSURE, outputs, WIDTH))
+        extrema = np.empty((len(self._node), ROUGH + 2, outputs, WIDTH))
         look(
             self._node, self._force, self._forces, self._base, self._omega, self._weights,
             self._matters, self._used, self._begins, self._roots, self._odd, extrema, self._lines,
             np.empty((count, 2, WIDTH)), np.empty((columns, samples, WIDTH)),
             np.empty((samples + 2 * AHEAD, WIDTH)),
         )  # fmt: skip
-        high, low, *unsure = self._members(extrema).transpose(1, 0, 2)
+        high, low, *unsure, rough, other = self._members(extrema).transpose(1, 0, 2)
         swing, least = (high - low) / 2, ROUNDING * np.maximum(np.abs(high), np.abs(low))
-        rest = np.maximum(*unsure) / np.maximum(swing, np.maximum(least, np.finfo(float).tiny))
-        return np.stack([high, low], axis=1), rest.max(axis=1)
+        swing = np.maximum(swing, np.maximum(least, np.finfo(float).tiny))
+        rough = self.forced * np.maximum(rough, other) / swing
+        return np.stack([high, low], axis=1), (np.maximum(*unsure) / swing).max(axis=1), rough
 
 
 def change_of(extrema: Array, before: Array, series: Array, series_before: Array) -> Array:
@@ -259,11 +271,12 @@ def change_of(extrema: Array, before: Array, series: Array, series_before: Array
 
 
 def estimate_of(change: Array, change_before: Array, smooth: Flags, left: Array) -> Array:
-    """Errors (p,) from the last two changes and what was left of the residual."""
+    """Errors (p,) from the last two changes and what was left of the residual.
+
+    The last change is that of the level before. No less is taken: the changes of a force with
+    corners, which lie anywhere between the samples, fall irregularly.
+    """
     before = np.where(np.isfinite(change_before), change_before, 0.0)
-    ratio = np.divide(change, before, out=np.ones_like(change), where=before > 0.0)
-    known = smooth & (before > 0.0)
-    gain = np.where(known, np.clip(SLOWING * ratio, LEAST_GAIN, MOST_GAIN), MOST_GAIN)
-    gain = np.where(smooth, gain, STEEP_GAIN)
+    gain = np.where(smooth, 1.0, STEEP_GAIN)
     sudden = np.where(smooth, SUDDEN, SUDDEN_STEEP)
     return np.asarray(np.maximum(change * gain, sudden * before) + 4.0 * left + ROUNDING)

@@ -12,8 +12,9 @@ from seatdyn.kernels.rows_fourier import number, samples_of
 
 TINY = 1e-300
 NEWTON_STEPS = 4  # to the top of a quartic
-UNSURE = 2  # place among extrema, beside HIGH and LOW: how unsure they are
-AHEAD = 2  # samples that a signal is continued by on either side
+# places among extrema, beside HIGH and LOW: how unsure they are, and how rough the signal is there
+UNSURE, ROUGH = 2, 4
+AHEAD = 3  # samples that a signal is continued by on either side
 
 
 @spliced
@@ -31,7 +32,8 @@ def rises(bend, square, over_before, over_after, way):
 def widen(signal, i, sign, hope, extrema, way, o):
     """Widen an extremum (row o of extrema[way]) where `hope` > 0: sign * signal has a peak near i.
 
-    By a quartic through five samples; what a parabola gives otherwise says how unsure that is.
+    By a quartic through five samples; what a parabola gives otherwise says how unsure that is, and
+    the largest of three fourth differences how rough the signal is.
     """
     a, b = load(signal, i - 2) * sign, load(signal, i - 1) * sign
     c = load(signal, i) * sign
@@ -50,11 +52,18 @@ def widen(signal, i, sign, hope, extrema, way, o):
         best = where_larger(value, best, value, best)
     parabola = c + (d - b) * (d - b) / ((c * 2.0 - b - d) * 8.0)
     unsure = where_larger(best, parabola, best - parabola, parabola - best)
+    before, after = load(signal, i - 3) * sign, load(signal, i + 3) * sign
+    rough = spread(0.0)
+    for fourth in (
+        before + d + b * 6.0 - (a + c) * 4.0, c4 * 24.0, b + after + d * 6.0 - (c + e) * 4.0,
+    ):  # fmt: skip
+        rough = where_larger(fourth, rough, fourth, rough)
+        rough = where_larger(fourth * -1.0, rough, fourth * -1.0, rough)
     known = load(extrema[way], o) * sign
     better = where_larger(hope, 0.0, where_larger(known, best, 0.0, 1.0), 0.0)
     store(extrema[way], o, where_larger(better, 0.0, best, known) * sign)
-    place = extrema[UNSURE + way]
-    store(place, o, where_larger(better, 0.0, unsure, load(place, o)))
+    for place, value in ((extrema[UNSURE + way], unsure), (extrema[ROUGH + way], rough)):
+        store(place, o, where_larger(better, 0.0, value, load(place, o)))
 
 
 @kernel
@@ -62,12 +71,12 @@ def look(
     node, force, forces, base, omega, weights, matters, used, begins, roots, odd, extrema, lines,
     series, columns, signal,
 ):  # fmt: skip
-    """Fill the extrema (G, 4, o, W) of the outputs, and how unsure they are.
+    """Fill the extrema (G, 6, o, W) of the outputs, and how unsure and how rough they are.
 
     weights : (G, o, C, W) of the columns z, v, the element forces, and u, u', u''
     matters : (C,) whether any output needs a column
     used, begins : those of one output after the other, and where each begins (o + 1,)
-    lines : (2, n, W); series : (K, 2, W); columns : (C, n, W); signal : (n + 4, W), space
+    lines : (2, n, W); series : (K, 2, W); columns : (C, n, W); signal : (n + 2 AHEAD, W), space
     """
     groups, nodes, count, n = node.shape[0], node.shape[1], node.shape[3], columns.shape[1]
     m, e = node.shape[2] - 1, forces.shape[1]
@@ -142,8 +151,8 @@ def look(
                 low = high * -1.0
             store(extrema[g, HIGH], o, high)
             store(extrema[g, LOW], o, low)
-            store(extrema[g, UNSURE + HIGH], o, 0.0)
-            store(extrema[g, UNSURE + LOW], o, 0.0)
+            for place in range(UNSURE, ROUGH + 2):
+                store(extrema[g, place], o, 0.0)
             for s in range(AHEAD, n + AHEAD):
                 here = load(signal, s)
                 # a parabola through a sample and two lower ones rises above it by less than this
@@ -159,10 +168,11 @@ def look(
                     widen(signal, s, -1.0, below, extrema[g], LOW, o)
             if odd:  # what is lowest in one half is highest in the other
                 high, low = load(extrema[g, HIGH], o), load(extrema[g, LOW], o) * -1.0
-                unsure = load(extrema[g, UNSURE + HIGH], o)
-                unsure = where_larger(low, high, load(extrema[g, UNSURE + LOW], o), unsure)
+                for place in (UNSURE, ROUGH):
+                    value = load(extrema[g, place + HIGH], o)
+                    value = where_larger(low, high, load(extrema[g, place + LOW], o), value)
+                    store(extrema[g, place + HIGH], o, value)
+                    store(extrema[g, place + LOW], o, value)
                 high = where_larger(low, high, low, high)
                 store(extrema[g, HIGH], o, high)
                 store(extrema[g, LOW], o, high * -1.0)
-                store(extrema[g, UNSURE + HIGH], o, unsure)
-                store(extrema[g, UNSURE + LOW], o, unsure)
