@@ -38,6 +38,7 @@ from seatdyn.kernels.orbit import Look, make_look
 from seatdyn.kernels.together import compile_together
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import DEGREES, Excitation, Motion
+from seatdyn.model.force import ExternalForce, base_and_forces
 from seatdyn.model.memory import MemoryElement
 from seatdyn.model.system import BASE, SeatSystem
 
@@ -49,8 +50,11 @@ LOOSE = 1e12  # condition of the stiffness from which on springs alone do not ho
 SAME_FREQUENCY = 1e-9  # relative: how near a sine must be to a multiple of 1/period
 
 
-def base_harmonics(motion: Motion, period: float) -> NDArray[np.complex128] | None:
-    """Complex harmonics of the base displacement in m, or None where it is not a sum of sines."""
+def harmonics_of(motion: Motion, period: float) -> NDArray[np.complex128] | None:
+    """Complex harmonics of a base displacement in m, or of a force in N.
+
+    None where it is not a sum of sines.
+    """
     omega = 2 * math.pi / period
     steady = motion.starts.size == 1 and not np.any(motion.polynomials[0, 1:])
     sines = [row for row in (*motion.sines, *motion.segment_sines) if row[0] != 0.0]
@@ -71,17 +75,19 @@ Place = tuple[tuple[str, str], float]  # a pair of nodes, and the delay of what 
 def condense(
     system: SeatSystem, excitation: Excitation, watched: Sequence[Place] = ()
 ) -> Condensed | None:
-    """Arrays of the periodic problem, or None where the base motion is not a sum of sines.
+    """Arrays of the periodic problem, or None where what drives it is not a sum of sines.
 
     watched : further pairs of nodes whose relative motion is to be known, as channels without laws,
         and the delays of the forces that others find for them
     """
     if excitation.period is None:
         raise RequestError(f"{type(excitation).__name__} has no period.")
-    base = base_harmonics(excitation.motion, excitation.period)
-    if base is None:
+    moving, forces = base_and_forces(excitation)
+    base = harmonics_of(moving.motion, excitation.period)
+    push = _push(system, forces, excitation.period)
+    if base is None or push is None:
         return None
-    plant = lower(system, excitation.motion, delays=True, memory=bool(system.memory_elements))
+    plant = lower(system, moving.motion, delays=True, memory=bool(system.memory_elements))
     n, across = system.linear.size, [*places_of(system), *watched]
     places = [[place_of(system, node) for node in pair] for pair, _ in across]
     ends = np.array(places, dtype=np.int64).reshape(-1, 2)
@@ -104,7 +110,24 @@ def condense(
         plant.breaks, base, shift,
         np.array([delay for _, delay in across]), np.ones(2),
         2 * math.pi / excitation.period, np.array(system.delays), late_forces(system),
+        push,
     )  # fmt: skip
+
+
+def _push(
+    system: SeatSystem, forces: Sequence[ExternalForce], period: float
+) -> NDArray[np.complex128] | None:
+    """Harmonics (P, N) of the accelerations by forces from outside, or None, see `harmonics_of`."""
+    inverse = np.linalg.inv(system.linear.mass)
+    push: NDArray[np.complex128] = np.zeros((0, len(inverse)), dtype=complex)
+    for force in forces:
+        series = harmonics_of(force.history, period)
+        if series is None:
+            return None
+        if len(push) < series.size:
+            push = np.pad(push, ((0, series.size - len(push)), (0, 0)))
+        push[: series.size] += np.outer(series, inverse[:, system.linear.index(force.node)])
+    return push
 
 
 def places_of(system: SeatSystem) -> list[Place]:
@@ -173,11 +196,13 @@ def samples_of(system: SeatSystem, columns: Array, time: Array) -> Samples:
 class Balanced:
     """A periodic motion found by harmonic balance, or why there is none.
 
+    forces : from outside
     code : of the kernels; `message` says it in words
     error : estimate, relative to the amplitude of each output
     """
 
     system: SeatSystem
+    forces: tuple[ExternalForce, ...]
     problem: Condensed
     work: Work
     look: Look
@@ -227,7 +252,12 @@ class Balanced:
     def as_samples(self, columns: Array, phases: Array) -> Samples:
         """Columns at phases in rad as samples, with the elastic part of the forces."""
         samples = samples_of(self.system, columns, phases / self.problem.omega)
-        z, base = samples.displacement, samples.base
+        z, base, linear = samples.displacement, samples.base, self.system.linear
+        if self.forces:
+            outside = np.zeros_like(z)
+            for force in self.forces:
+                outside[:, linear.index(force.node)] += force.force(samples.time)
+            samples = samples._replace(outside=outside)
         elastic = [
             element_forces(self.problem, j, self._across(z, base[0], j), np.zeros(len(z)))
             for j in range(len(self.system.channels))
@@ -250,7 +280,7 @@ class Balanced:
         infinite, that is not looked at, with delays.
         """
         if self.system.delays:
-            late = LateProblem.make(self.system, self.motion, DELAYED)
+            late = LateProblem.make(self.system, self.motion, DELAYED, self.forces)
             period = 2 * math.pi / self.problem.omega
             return late_multipliers(late, self.late_start(late), period), math.inf
         n, m = self.problem.pull.shape
@@ -295,7 +325,7 @@ def balance(
 ) -> Balanced | None:
     """Motion with the period of the excitation by harmonic balance.
 
-    None where the base motion is not a sum of sines.
+    None where base motion or forces are no sums of sines.
 
     Parameters
     ----------
@@ -314,15 +344,23 @@ def balance(
     names, rows = output_rows(system)
     work, look = spaces(system, rows, max(most, 4 * _first_samples(problem, guess)))
     with CompileNotice(BALANCE), interruptible():
-        return solve(system, problem, rows, names, work, look, tolerance, guess=guess)
+        return solve(
+            system, problem, rows, names, work, look, tolerance, guess=guess,
+            forces=base_and_forces(excitation)[1],
+        )  # fmt: skip
 
 
 def _first_samples(problem: Condensed, guess: NDArray[np.complex128] | None) -> int:
     """Samples of the coarsest level."""
     first = FEWEST_SAMPLES
-    while first // OVERSAMPLING <= 2 * (problem.base.size - 1):
+    while first // OVERSAMPLING <= 2 * highest_driven(problem):
         first *= 2
     return first if guess is None else max(first, GUESSED_SAMPLES)
+
+
+def highest_driven(problem: Condensed) -> int:
+    """Highest harmonic of what drives from outside."""
+    return max(problem.base.size, len(problem.push)) - 1
 
 
 def spaces(system: SeatSystem, rows: Array, most: int) -> tuple[Work, Look]:
@@ -341,6 +379,7 @@ def solve(
     tolerance: float,
     *,
     guess: NDArray[np.complex128] | None = None,
+    forces: tuple[ExternalForce, ...] = (),
 ) -> Balanced:
     """Motion of a problem, in spaces given: it is lost when these are used again."""
     first, look = _first_samples(problem, guess), look._replace(rows=rows)
@@ -351,4 +390,4 @@ def solve(
     code, error, samples, evaluations = levels.ascend(
         problem, work, look, tolerance, first, work.lines.shape[1], guess is not None
     )
-    return Balanced(system, problem, work, look, names, code, error, samples, evaluations)
+    return Balanced(system, forces, problem, work, look, names, code, error, samples, evaluations)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from seatdyn.analysis.balance import (
     Balanced,
     condense,
+    highest_driven,
     output_names,
     places_of,
 )
@@ -161,7 +162,7 @@ class BalancedWithStates(Balanced):
 
         if self.system.delays:
             return super().floquet()
-        problem = HystereticProblem.prepare(self.system, self.motion, (), MULTIPLIERS)
+        problem = HystereticProblem.prepare(self.system, self.motion, self.forces, MULTIPLIERS)
         start, period = self.start(), 2 * math.pi / self.problem.omega
         run = problem.run(0.0, period, problem.start(start))
         if run.status is not Status.OK or np.any(run.marks == HELD):
@@ -367,7 +368,7 @@ def balance_with_states(
         for e, travel, node in zip(elements, travels, nodes, strict=True)
     ]
     first = FEWEST_SAMPLES
-    while first // FINER <= 2 * (problem.base.size - 1):
+    while first // FINER <= 2 * highest_driven(problem):
         first *= 2
     most = max(most, 4 * first)
     names, n = output_names(system), system.linear.size
@@ -383,8 +384,8 @@ def balance_with_states(
 
     def result(code: int, error: float) -> BalancedWithStates:
         return BalancedWithStates(
-            system, problem, work, look, names, code, error, solver.samples, solver.evaluations,
-            in_time.memory, history,
+            system, in_time.forces, problem, work, look, names, code, error, solver.samples,
+            solver.evaluations, in_time.memory, history,
         )  # fmt: skip
 
     return _ascend(solver, result, tolerance, most)

@@ -41,7 +41,7 @@ from seatdyn.kernels.jit import MEMORY_FORCE, MEMORY_RATE, CompileNotice, law_ad
 from seatdyn.kernels.memory import HELD, Memory
 from seatdyn.kernels.plant import FREE, Plant
 from seatdyn.model.excitation import Excitation, Motion
-from seatdyn.model.force import ConstantForce, ExternalForce, WithForces
+from seatdyn.model.force import ConstantForce, ExternalForce, base_and_forces
 from seatdyn.model.system import BASE, SeatSystem
 
 Array = NDArray[np.float64]
@@ -51,8 +51,7 @@ def problem_for(system: SeatSystem, excitation: Excitation, settings: Settings) 
     """The problem of a system under an excitation, with the engine that it needs."""
     from seatdyn.analysis.delay_time import LateProblem
 
-    forces = excitation.forces if isinstance(excitation, WithForces) else ()
-    base = excitation.base if isinstance(excitation, WithForces) else excitation
+    base, forces = base_and_forces(excitation)
     if system.delays:
         return LateProblem.make(system, base.motion, settings, forces)
     if system.memory_elements or forces:

@@ -24,6 +24,7 @@ from seatdyn.analysis.run import interruptible
 from seatdyn.kernels.condensed import SERIES
 from seatdyn.kernels.jit import BALANCE, CompileNotice
 from seatdyn.model.excitation import Excitation
+from seatdyn.model.force import base_and_forces
 from seatdyn.model.system import SeatSystem
 
 Series = NDArray[np.complex128]
@@ -42,13 +43,16 @@ def from_neighbour(system: SeatSystem, excitation: Excitation, tolerance: float)
     problem = None if system.memory_elements else condense(system, excitation)
     if problem is None:
         return None
+    forces = base_and_forces(excitation)[1]
     names, rows = output_rows(system)
     work, look = spaces(system, rows, MOST_SAMPLES)
 
     def at(level: float, guess: Series | None) -> Balanced:
-        scaled = problem._replace(base=level * problem.base)
+        scaled = problem._replace(base=level * problem.base, push=level * problem.push)
         with CompileNotice(BALANCE), interruptible():
-            return solve(system, scaled, rows, names, work, look, tolerance, guess=guess)
+            return solve(
+                system, scaled, rows, names, work, look, tolerance, guess=guess, forces=forces
+            )
 
     for level in LEVELS:
         found, here, step = at(level, None), level, FIRST * (1.0 - level)

@@ -34,7 +34,6 @@ from seatdyn.model.elements import (
     QuadraticDamper,
 )
 from seatdyn.model.excitation import Excitation
-from seatdyn.model.force import WithForces
 from seatdyn.model.system import SeatSystem
 from seatdyn.units import number
 
@@ -95,7 +94,8 @@ def steady_state(
 
     Parameters
     ----------
-    system, excitation : the excitation must have a period; for "hb" it must be made of sines
+    system, excitation : the excitation must have a period; for "hb" it must be made of sines,
+        of base motion and of forces on nodes
     method : see above; the attribute `method` says which was used
     tolerance : "time": largest change of the state over one period, relative to its largest motion;
         "hb": largest error estimate, relative to the amplitude of each output. 1e-9 unless given,
@@ -160,7 +160,7 @@ def _by_balance(
     from seatdyn.analysis.neighbours import from_neighbour
     from seatdyn.analysis.steady_balance import balanced_state
 
-    known = not (system.delays or isinstance(excitation, WithForces))
+    known = not system.delays
     if method == "auto" and not known:
         return None
     balanced = balance(system, excitation, tolerance)
@@ -168,8 +168,8 @@ def _by_balance(
         if method == "auto":
             return None
         raise RequestError(
-            f"method = 'hb' needs a base motion made of sines, and {type(excitation).__name__} is "
-            "not; use method='time'."
+            "method = 'hb' needs base motion and forces made of sines, and "
+            f"{type(excitation).__name__} is not; use method='time'."
         )
     data = balanced_state(balanced, excitation, tolerance, check=check)
     if known and method == "hb":

@@ -10,7 +10,7 @@ import numpy as np
 import seatdyn
 from seatdyn.analysis.balance import Balanced
 from seatdyn.analysis.delay_time import LateProblem
-from seatdyn.analysis.energy import WORST_RESIDUAL, powers
+from seatdyn.analysis.energy import WORST_RESIDUAL, outside_power, powers
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.outputs import named_outputs
 from seatdyn.analysis.periodic import UNSTABLE, fill, harmonics_of
@@ -54,8 +54,9 @@ def energy_residual(balanced: Balanced, problem: Problem) -> float:
     samples = balanced.sample((middle[:, None] + half[:, None] * GAUSS[0]).ravel())
     base, dissipated, feedback = powers(problem.system, problem.plant, samples)
     weights = (half[:, None] * GAUSS[1]).ravel()
-    defect = abs(float((base - dissipated + feedback) @ weights))
-    through = float((np.abs(base) + np.abs(dissipated) + np.abs(feedback)) @ weights)
+    flows = np.array([base, -dissipated, feedback, outside_power(samples)])
+    defect = abs(float(flows.sum(0) @ weights))
+    through = float(np.abs(flows).sum(0) @ weights)
     return defect / max(through, 1e-300)
 
 

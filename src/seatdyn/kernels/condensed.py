@@ -6,7 +6,7 @@ nodes follows from that of the base and of the channel forces by the linear part
     z_k = L_k x0_k - X_k F_k,     X_k = (s^2 - A_v s - A_z)^-1 pull,     s = i k omega
 
 and the relative motion of channel i is d_i = B_i z - (base, where the channel ends there). Only the
-d_i are unknown (`balance`).
+d_i are unknown (`balance`). Forces from outside drive the nodes as the base does.
 
 Where a force jumps or has a corner its series converges slowly, and so does the motion. Such places
 (events) are known exactly, so their part is summed in closed form. With P1 the sawtooth that jumps
@@ -53,10 +53,11 @@ class Condensed(NamedTuple):
     base : (B,) complex harmonics 0 .. B-1 of the base displacement, m
     shift : (m,) stiffness in N/m that `linear` has and the laws of the channel are reduced by
     lag : (m,) delay of each channel's force, s: a factor exp(-i k omega lag) on its harmonics
-    scale : (2,) factors on the base motion and on the channel forces, 1 but while a solution is
-        being continued in them
+    scale : (2,) factors on what drives from outside and on the channel forces, 1 but while a
+        solution is being continued in them
     omega : rad/s
     delays, late : (G,) s, and (G, N, 2N + 2) linear forces with that delay, as in `linear`
+    push : (P, N) complex harmonics 0 .. P-1 of the accelerations by forces from outside
     """
 
     linear: np.ndarray
@@ -75,6 +76,7 @@ class Condensed(NamedTuple):
     omega: float
     delays: np.ndarray
     late: np.ndarray
+    push: np.ndarray
 
 
 class Work(NamedTuple):
@@ -106,6 +108,7 @@ CONDENSED = types.NamedTuple(
     [
         TABLE, TABLE, TABLE, BLOCK, BLOCK, INTEGER_TABLE, INTEGER_TABLE, VECTOR, TABLE,
         COMPLEX_VECTOR, VECTOR, VECTOR, VECTOR, REAL, VECTOR, BLOCK,
+        COMPLEX_TABLE,
     ],
     Condensed,
 )  # fmt: skip
@@ -251,6 +254,8 @@ def respond(problem, work, k):
         for j in range(m):
             matrix[i, n + j] = problem.pull[i, j]
         matrix[i, n + m] = complex(linear[i, 2 * n], w * linear[i, 2 * n + 1]) * base
+        if k < problem.push.shape[0]:
+            matrix[i, n + m] += problem.push[k, i] * problem.scale[LEVEL]
     for g in range(problem.delays.size):
         turn = complex(math.cos(w * problem.delays[g]), -math.sin(w * problem.delays[g]))
         late = problem.late[g]

@@ -170,6 +170,8 @@ def look_at(problem, work, look, count, theta, row, side):
         total = problem.linear[i, 2 * n] * x + problem.linear[i, 2 * n + 1] * v
         for c in range(2 * n):
             total += problem.linear[i, c] * state[c]
+        for k in range(problem.push.shape[0]):
+            total += (problem.push[k, i] * complex(math.cos(k * theta), math.sin(k * theta))).real
         state[2 * n + i] = total
     for g in range(problem.delays.size):
         past = state[first + 3 + g * (2 * n + 2) : first + 3 + (g + 1) * (2 * n + 2)]
@@ -243,6 +245,14 @@ def sample_columns(problem, work, look, count, samples, whole):
             factor, source = problem.linear[i, c], columns[c if c < 2 * n else first + c - 2 * n]
             for q in range(samples):
                 target[q] = factor * source[q] + (target[q] if c > 0 else 0.0)
+    pushed, spare = min(problem.push.shape[0], count), columns[columns.shape[0] - 1]
+    if pushed > 0:
+        for i in range(n):
+            for k in range(pushed):
+                line[k] = problem.push[k, i]
+            samples_of(line, pushed, samples, work.lines, spare)
+            for q in range(samples):
+                columns[2 * n + i, q] += spare[q]
     past = look.state[: 2 * n + 2]
     for g in range(problem.delays.size):
         begin = first + 3 + g * (2 * n + 2)

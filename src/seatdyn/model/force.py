@@ -221,8 +221,15 @@ class WithForces(Excitation):
         """Refused: the forces would be forgotten."""
         raise RequestError(
             "This analysis takes a base motion only, and here forces act on nodes too. Use "
-            "simulate, or steady_state by time integration; for a harmonic force receptance."
+            "simulate or steady_state; for a harmonic force receptance."
         )
+
+
+def base_and_forces(excitation: Excitation) -> tuple[Excitation, tuple[ExternalForce, ...]]:
+    """The base motion, and the forces from outside."""
+    if isinstance(excitation, WithForces):
+        return excitation.base, excitation.forces
+    return excitation, ()
 
 
 def common_period(periods: list[float]) -> float | None:
