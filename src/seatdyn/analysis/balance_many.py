@@ -172,7 +172,9 @@ class Rows:
         first = 2 * many.pull.shape[1]
         self.forced = needed[:, first : first + len(many.elements)].any(axis=1)
         groups, nodes, m = len(self._base), *many.pull.shape[1:]
-        self._node = np.empty((groups, nodes, m + 1, 0, 2, WIDTH))
+        kept = self._matters[:nodes] | self._matters[nodes : 2 * nodes]
+        self._places = np.where(kept, np.cumsum(kept) - 1, -1)
+        self._node = np.empty((groups, kept.sum(), m + 1, 0, 2, WIDTH))
         self._across = np.empty((groups, m, m + 1, 0, 2, WIDTH))
         self._doubt = np.zeros((groups, WIDTH))
 
@@ -186,7 +188,8 @@ class Rows:
         nodes, m = self._many.pull.shape[1:]
         respond(
             self._linear, self._pull, self._base, self._omega, self._many.channels, known,
-            self._odd, *linear, self._doubt, np.empty((nodes, nodes + m + 1, 2, WIDTH)),
+            self._odd, self._places, *linear, self._doubt,
+            np.empty((nodes, nodes + m + 1, 2, WIDTH)),
         )  # fmt: skip
 
     def _members(self, rows: Array) -> Array:
@@ -239,7 +242,8 @@ class Rows:
         outputs, columns = self._many.weights.shape[1:]
         extrema = np.empty((len(self._node), ROUGH + 2, outputs, WIDTH))
         look(
-            self._node, self._force, self._forces, self._base, self._omega, self._weights,
+            self._node, self._places, self._force, self._forces, self._base, self._omega,
+            self._weights,
             self._matters, self._used, self._begins, self._roots, self._odd, extrema, self._lines,
             np.empty((count, 2, WIDTH)), np.empty((columns, samples, WIDTH)),
             np.empty((samples + 2 * AHEAD, WIDTH)),

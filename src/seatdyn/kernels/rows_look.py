@@ -68,29 +68,30 @@ def widen(signal, i, sign, hope, extrema, way, o):
 
 @kernel
 def look(
-    node, force, forces, base, omega, weights, matters, used, begins, roots, odd, extrema, lines,
-    series, columns, signal,
+    node, places, force, forces, base, omega, weights, matters, used, begins, roots, odd, extrema,
+    lines, series, columns, signal,
 ):  # fmt: skip
     """Fill the extrema (G, 6, o, W) of the outputs, and how unsure and how rough they are.
 
+    places : of the nodes among those in `node`, see `side_by_side.respond`
     weights : (G, o, C, W) of the columns z, v, the element forces, and u, u', u''
     matters : (C,) whether any output needs a column
     used, begins : those of one output after the other, and where each begins (o + 1,)
     lines : (2, n, W); series : (K, 2, W); columns : (C, n, W); signal : (n + 2 AHEAD, W), space
     """
-    groups, nodes, count, n = node.shape[0], node.shape[1], node.shape[3], columns.shape[1]
+    groups, nodes, count, n = node.shape[0], places.size, node.shape[3], columns.shape[1]
     m, e = node.shape[2] - 1, forces.shape[1]
     turn = -1.0 if odd else 1.0  # sign of what comes after the last sample
     for g in range(groups):
         rate = load(omega[g], 0)
         for i in range(nodes):
-            if not (matters[i] or matters[nodes + i]):
+            if places[i] < 0:
                 continue
             for k in range(count):
-                place = 2 * ((i * (m + 1) + m) * count + k)
+                place = 2 * ((places[i] * (m + 1) + m) * count + k)
                 a, b = load(node[g], place), load(node[g], place + 1)
                 for j in range(m):
-                    place = 2 * ((i * (m + 1) + j) * count + k)
+                    place = 2 * ((places[i] * (m + 1) + j) * count + k)
                     x, y = load(node[g], place), load(node[g], place + 1)
                     place = 2 * (j * count + k)
                     fr, fi = load(force[g], place), load(force[g], place + 1)

@@ -55,18 +55,21 @@ def call_rows_law(typingctx, address, count, d, v, parameters, first, force, pla
 
 
 @kernel
-def respond(linear, pull, base, omega, channels, first, odd, node, across, doubt, matrix):
+def respond(
+    linear, pull, base, omega, channels, first, odd, places, node, across, doubt, matrix
+):  # fmt: skip
     """Fill the linear motion of the harmonics from `first` on, of nodes and across channels.
 
     By elimination without pivoting, which is the same for all members; `doubt` (G, W) becomes the
     largest square of its factors.
 
     linear, pull : (G, N, 2N+2, W) and (G, N, m, W); base : (G, B, 2, W); omega : (G, W)
-    node, across : (G, N, m+1, K, 2, W) and (G, m, m+1, K, 2, W), motion per channel force, and due
-        to the base in the last column
+    places : (N,) of the nodes among those kept in `node`, -1 for others
+    node, across : (G, kept, m+1, K, 2, W) and (G, m, m+1, K, 2, W), motion per channel force, and
+        due to the base in the last column
     matrix : (N, N+m+1, 2, W), space
     """
-    groups, n, columns, count = node.shape[0], node.shape[1], node.shape[2], node.shape[3]
+    groups, n, columns, count = node.shape[0], places.size, node.shape[2], node.shape[3]
     m, width = columns - 1, n + columns
     for g in range(groups):
         largest = load(doubt[g], 0)
@@ -115,17 +118,18 @@ def respond(linear, pull, base, omega, channels, first, odd, node, across, doubt
                     a, b = a * inverse_r - b * inverse_i, a * inverse_i + b * inverse_r
                     store(matrix, 2 * (i * width + c), a)
                     store(matrix, 2 * (i * width + c) + 1, b)
-                    place = 2 * ((i * columns + c - n) * count + k)
-                    store(node[g], place, a)
-                    store(node[g], place + 1, b)
+                    if places[i] >= 0:
+                        place = 2 * ((places[i] * columns + c - n) * count + k)
+                        store(node[g], place, a)
+                        store(node[g], place + 1, b)
             for j in range(m):
                 for c in range(columns):
                     for part in range(2):
                         total = spread(0.0)
                         for sign, end in ((1.0, channels[j, SECOND]), (-1.0, channels[j, FIRST])):
                             if end >= 0:
-                                place = 2 * ((end * columns + c) * count + k) + part
-                                total = total + load(node[g], place) * sign
+                                place = 2 * (end * width + n + c) + part
+                                total = total + load(matrix, place) * sign
                             elif c == m and part == 0:
                                 total = total + base_r * sign
                             elif c == m:
