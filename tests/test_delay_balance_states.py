@@ -110,7 +110,7 @@ def test_late_zener_element_in_closed_form(tau):
     assert multipliers[:2] == pytest.approx(expected[:2], abs=1e-7 if tau < PERIOD else 1e-4)
 
 
-@pytest.mark.parametrize("name", ["bouc-wen", "dahl", "zener"])
+@pytest.mark.parametrize("name", ["bouc-wen", "zener"])
 def test_the_balanced_motion_solves_the_equations_written_out(name):
     """SciPy over one period from the balanced past, states by the late travel itself."""
     tau = 0.0203
@@ -141,8 +141,8 @@ def test_the_balanced_motion_solves_the_equations_written_out(name):
     while end < PERIOD:
         begin, end = end, min(end + tau, PERIOD)
         piece = solve_ivp(
-            rate, (begin, end), y, "DOP853", rtol=1e-9, atol=1e-12, dense_output=True,
-            max_step=2e-3,
+            rate, (begin, end), y, "DOP853", rtol=1e-8, atol=1e-11, dense_output=True,
+            max_step=5e-3,
         )  # fmt: skip
         pieces.append(piece.sol)
         y = piece.y[:, -1]
