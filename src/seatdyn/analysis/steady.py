@@ -61,6 +61,7 @@ FAR = 1e2  # m, m/s: a run that ends there, for whatever reason, grows without b
 STICKING_PERIODS = 200  # of time integration where harmonic balance cannot follow
 CREEPING = 0.5  # ratio of two changes above which what friction holds is led to where it creeps
 LED, AGREED = 0.5, 0.1  # share of the way left; how far two estimates of that may differ
+UNKNOWN = 8  # periods after which what creeps does so too slowly to tell how far
 JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
 SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
 
@@ -331,8 +332,9 @@ def find_orbit(
         late.multipliers = found.multipliers
         return late
     state = problem.start(initial_state(problem, "rest")) if start is None else start
-    changes: list[float] = []
-    remaining, ahead = np.inf, 0.0  # change still to come; of what creeps, when last known
+    changes, moves = [np.nan], [np.nan]  # of the state, and of its displacements alone
+    # change still to come; of what creeps, when last known, and for how many periods it is
+    remaining, ahead, waited = np.inf, 0.0, 0
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
@@ -344,20 +346,25 @@ def find_orbit(
             return Orbit(status, period, periods=count)
         if run.status is not Status.OK:
             return Orbit(run.status, period, periods=count)
-        changes.append(_change(problem, state, run))
-        rate = changes[-1] / changes[-2] if len(changes) > 1 and changes[-2] > 0.0 else 1.0
+        change = np.abs(run.end.y - state.y) / orbit_scales(problem, run)
+        changes.append(float(change.max()))
+        moves.append(float(change[: problem.system.linear.size].max()))
+        rate, pace = (last[-1] / last[-2] if last[-2] > 0.0 else 1.0 for last in (changes, moves))
         slips = run.end.is_held and not run.rests
-        creeps = slips and CREEPING < rate < 1.0
-        left = _left(rate, creeps=creeps)
-        expected, remaining = remaining - changes[-1], changes[-1] * left
-        ahead = ahead if slips else 0.0
-        if changes[-1] <= tolerance and max(remaining, ahead) <= tolerance:
+        creeps = slips and CREEPING < pace < 1.0 and moves[-1] > problem.settings.rtol
+        left = _left(pace if creeps else rate, creeps=creeps)
+        expected = remaining - moves[-1]
+        remaining = left * (moves if creeps else changes)[-1]
+        waited += 1
+        unknown = ahead > 0.0 and waited > UNKNOWN
+        error = ahead / (1.0 - LED) if unknown else max(remaining, ahead)
+        if changes[-1] <= tolerance and (unknown or error <= tolerance):
             last = problem.run(0.0, period, run.end)
             return Orbit(
                 Status.CONVERGED,
                 period,
                 last,
-                error=max(remaining, ahead, changes[-1]),
+                error=max(error, changes[-1]),
                 multiplier=rate,
                 periods=count,
             )
@@ -378,7 +385,8 @@ def find_orbit(
             problem = replace(problem, settings=sharper)
         if creeps and abs(remaining - expected) <= AGREED * remaining:
             state = replace(run.end, y=run.end.y + LED * left * (run.end.y - state.y))
-            changes, remaining, ahead = [], np.inf, (1.0 - LED) * remaining
+            changes, moves = [np.nan], [np.nan]
+            remaining, ahead, waited = np.inf, (1.0 - LED) * remaining, 0
         else:
             state = run.end
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
@@ -431,11 +439,6 @@ def orbit_scales(problem: Problem, run: Run) -> Array:
     v = max(np.abs(run.record[:, n + 1 : 2 * n + 1]).max(), problem.floor[1])
     states = np.abs(run.record[:, 2 * n + 1 : run.end.y.size + 1]).max(0)
     return np.concatenate([np.repeat([z, v], n), np.maximum(states, problem.state_floor)])
-
-
-def _change(problem: Problem, start: State, run: Run) -> float:
-    """Change of the state over the run, relative to its largest motion."""
-    return float(np.max(np.abs(run.end.y - start.y) / orbit_scales(problem, run)))
 
 
 def _newton(

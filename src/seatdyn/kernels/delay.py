@@ -23,12 +23,11 @@ from seatdyn.kernels.events import (
     one_sided_forces,
     sides_of,
 )
-from seatdyn.kernels.holding import held_margin, release
+from seatdyn.kernels.holding import HOLDING_TOLERANCE, dip, held_margin, release
 from seatdyn.kernels.integrate import (
     CHATTERING,
     DIVERGED,
     FIRST_STEP,
-    HOLDING_TOLERANCE,
     LARGEST,
     OK,
     REFINEMENTS,
@@ -189,12 +188,27 @@ def try_to_rest(plant, memory, late, y, x, r, j, side, held, stick_speed, nodes)
         return
     held[j] = r
     accelerate(plant, memory, late, 0, y, x, side, held, True, nodes)
-    if not below <= nodes.force[0, j] <= above:
+    if not below - HOLDING_TOLERANCE <= nodes.force[0, j] <= above + HOLDING_TOLERANCE:
         held[j] = FREE
         return
     excess = (v - plant.breaks[r, VALUE]) if on_velocity else v
     for i in range(n):
         y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
+
+
+@inner
+def stay_late(plant, memory, late, y, x, r, j, side, held, nodes):
+    """Take the side of break r where the motion stays, as `stay`; node 0 is at this instant."""
+    base = (nodes.base[0, 0], nodes.base[0, 1], nodes.base[0, 2])
+    best, chosen, before = -np.inf, side[r], side[r]
+    for way in (before, -before):
+        side[r] = way
+        accelerate(plant, memory, late, 0, y, x, side, held, is_holding(held), nodes)
+        _, slope = distance(plant, r, j, y, base, nodes.a, side)
+        if slope > best:
+            best, chosen = slope, way
+    side[r] = chosen
+    return chosen != before
 
 
 @inner
@@ -361,12 +375,23 @@ def integrate_late(
         )  # fmt: skip
         if share == 0.0:
             if flips > 2 * side.size:
-                share = 2.0  # going along a break: either branch gives the same motion
+                if stay_late(
+                    plant, memory, late, y, own.now, place, channel, side, held, nodes
+                ):  # fmt: skip
+                    fresh = True
+                    continue
+                share = 2.0
             else:
                 flips += 1
         let_go = -1
         if holding and share > 0.0:
             margin, let_go = held_margin(plant, t + h, segment, y1, side, held, nodes.force[5])
+            early, _ = held_margin(plant, t, segment, y, side, held, nodes.force[1])
+            late_on, _ = held_margin(plant, t, segment, y, side, held, nodes.force[3])
+            lowest = dip(C[1], early, C[3], late_on, margin)
+            if margin >= 0.0 and lowest < min(share, 1.0):
+                wanted = lowest * h  # to look at it from there
+                continue
             if margin < 0.0:
                 place, share = -1, 0.5
             else:

@@ -93,12 +93,15 @@ def first_zero(b, tolerance):
         return 1.0 if meets else 2.0  # just at the end of the step
     degree = 5
     if b[0] <= tolerance:
-        # on the break: what is left after division by s tells where it is met again
-        if b[1] - b[0] <= 0.0:
+        # on the break: what is left after division by s tells where it is met again; a slope that
+        # falls by no more than roundings, with a rise after it, is none
+        rises = b[1] >= -tolerance and b[2] > tolerance
+        if b[1] - b[0] <= 0.0 and not rises:
             return 0.0 if b[5] < -tolerance else 2.0
         degree = 4
         for i in range(5):
             b[i] = 5.0 / (i + 1) * b[i + 1]
+        b[0] = max(b[0], 0.0)
     whole = (b[0], b[1], b[2], b[3], b[4], b[5])
     low, size = 0.0, 1.0
     changes = sign_changes(b, degree)

@@ -12,10 +12,13 @@ import numpy as np
 
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET, ON_DISPLACEMENT, VALUE
-from seatdyn.kernels.events import beside_jump, leave, one_sided_forces, resting_on
-from seatdyn.kernels.jit import allocating, stage, takes
+from seatdyn.kernels.events import beside_jump, distance, leave, one_sided_forces, resting_on
+from seatdyn.kernels.jit import allocating, inlined, inner, stage, takes
 from seatdyn.kernels.plant import AT_PLANT, FREE, accelerations, base_motion, relative
 from seatdyn.kernels.shapes import INTEGER, INTEGERS, REAL, VECTOR
+
+HOLDING_TOLERANCE = 1e-10  # N: a holding force this near to the end of its jump lets go
+NARROW = 1e-6  # of a step: what lets go so soon after its start did so there
 
 
 @takes(AT_PLANT, REAL, INTEGER, VECTOR, INTEGERS, INTEGERS, VECTOR)
@@ -33,6 +36,41 @@ def held_margin(plant, t, segment, y, side, held, force):
     return worst, channel
 
 
+@inlined
+def dip(s0, margin0, s1, margin1, end):
+    """Share of a step where the parabola through three margins is lowest and below zero; else 2.
+
+    The margins are at the shares s0 and s1 of the step, and at its end.
+    """
+    rise = (margin1 - margin0) / (s1 - s0)
+    bend = ((end - margin1) / (1.0 - s1) - rise) / (1.0 - s0)
+    if not bend > 0.0:
+        return 2.0
+    place = 0.5 * (s0 + s1 - rise / bend)
+    lowest = margin0 + (place - s0) * (rise + bend * (place - s1))
+    return place if NARROW < place < 1.0 and lowest < -HOLDING_TOLERANCE else 2.0
+
+
+@inner
+def dip_between(plant, t, h, segment, y, a, y1, a1, end, side, held, force, state, force_there):
+    """Share of a step of held channels where they may have let go and come back; 2 if nowhere.
+
+    end : margin at the end of the step; force : channel forces at its start
+    state : (3N,) and force_there : (m,) are space
+    """
+    n = y.size // 2
+    for i in range(n):  # the quintic through both ends
+        v, v1 = y[n + i], y1[n + i]
+        state[i] = 0.5 * (y[i] + y1[i]) + h * (0.15625 * (v - v1) + h / 64 * (a[i] + a1[i]))
+        state[n + i] = 1.875 * (y1[i] - y[i]) / h - 0.4375 * (v + v1) + h / 32 * (a1[i] - a[i])
+    middle = t + 0.5 * h
+    base = base_motion(plant, middle, segment)
+    accelerations(plant, base, state[: 2 * n], side, held, state[2 * n :], force_there)
+    margin, _ = held_margin(plant, t, segment, y, side, held, force)
+    there, _ = held_margin(plant, middle, segment, state[: 2 * n], side, held, force_there)
+    return dip(0.0, margin, 0.5, there, end)
+
+
 @allocating
 def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
     """Hold channel j at jump r if it is slow and the balancing force lies inside the jump."""
@@ -47,12 +85,33 @@ def try_to_hold(plant, t, segment, y, r, j, side, held, stick_speed, force):
         return
     held[j] = r
     accelerations(plant, base, y, side, held, np.empty(n), force)
-    if not below <= force[j] <= above:
+    # what was let go within the tolerance may come to rest again at once
+    if not below - HOLDING_TOLERANCE <= force[j] <= above + HOLDING_TOLERANCE:
         held[j] = FREE
         return
     excess = (v - plant.breaks[r, VALUE]) if on_velocity else v
     for i in range(n):
         y[n + i] -= plant.pull[i, j] / plant.gain[j, j] * excess
+
+
+@takes(AT_PLANT, REAL, INTEGER, VECTOR, INTEGER, INTEGER, INTEGERS, INTEGERS, VECTOR, VECTOR)
+@stage
+def stay(plant, t, segment, y, r, j, side, held, acceleration, force):
+    """Take the side of break r where the motion stays; returns whether it is another one.
+
+    A motion that is thrown to and fro at a break goes along it, or leaves it hardly at all; but one
+    side of a jump may drive it off at once.
+    """
+    base = base_motion(plant, t, segment)
+    best, chosen, before = -np.inf, side[r], side[r]
+    for way in (before, -before):
+        side[r] = way
+        accelerations(plant, base, y, side, held, acceleration, force)
+        _, slope = distance(plant, r, j, y, base, acceleration, side)
+        if slope > best:
+            best, chosen = slope, way
+    side[r] = chosen
+    return chosen != before
 
 
 @allocating

@@ -21,7 +21,7 @@ from seatdyn.kernels.columns import (
     ON_DISPLACEMENT,
 )
 from seatdyn.kernels.events import leave, one_sided_forces
-from seatdyn.kernels.holding import held_element_forces
+from seatdyn.kernels.holding import HOLDING_TOLERANCE, dip, held_element_forces
 from seatdyn.kernels.jit import allocating, inner, kernel
 from seatdyn.kernels.memory import (
     FORCE,
@@ -49,7 +49,6 @@ LARGEST = 1e9  # m, m/s: no seat moves that far
 FIRST_STEP = 1e-4  # s
 SHORTEST = 4e-16  # of the time: rounding
 ON_BREAK = 1e-12  # of the motion: being on a break
-HOLDING_TOLERANCE = 1e-10  # N: a holding force this near to the end of its jump lets go
 PROBES = 12  # points of a step at which a crossing is looked for
 REFINEMENTS = 60
 FIRST, SECOND, ON_D, ON_V, VALUE = range(5)  # columns of `edges`
@@ -189,6 +188,19 @@ def loosest(plant, t, segment, space, side):
 
 
 @inner
+def dip_in(plant, memory, t, h, segment, y, y1, end, side, space):
+    """Share of a step of held channels where they may have let go and come back; 2 if nowhere."""
+    k, state = space.k, space.k[2]
+    for i in range(y.size):  # the cubic through both ends
+        state[i] = 0.5 * (y[i] + y1[i]) + 0.125 * h * (k[0, i] - k[6, i])
+    rates(plant, memory, t + 0.5 * h, segment, state, side, space, k[3])
+    _, there, _ = loosest(plant, t + 0.5 * h, segment, space, side)
+    rates(plant, memory, t, segment, y, side, space, k[3])
+    _, margin, _ = loosest(plant, t, segment, space, side)
+    return dip(0.0, margin, 0.5, there, end)
+
+
+@inner
 def channel_of(plant, row):
     """The channel that a break belongs to."""
     channel = 0
@@ -219,7 +231,7 @@ def rest_or_pass(plant, memory, t, segment, y, side, space, row, slow):
     side[row] = HELD
     rates(plant, memory, t, segment, y, side, space, space.k[0])
     inside, _ = margin_of(plant, t, segment, space, side, channel)
-    if inside < 0.0:
+    if inside < -HOLDING_TOLERANCE:
         side[row] = -before
         return
     for i in range(n):
@@ -351,6 +363,11 @@ def integrate(
                 plant, memory, t, h, segment, y, side, space, y1, row, share, on_break[row]
             )  # fmt: skip
         let_go, inside, way = loosest(plant, t + taken, segment, space, side)
+        if let_go >= 0 and inside >= 0.0:
+            place = dip_in(plant, memory, t, taken, segment, y, y1, inside, side, space)
+            if place < 1.0:
+                h = place * taken  # to look at it from there
+                continue
         if let_go >= 0 and inside < 0.0:
             taken = land_on_release(plant, memory, t, taken, segment, y, side, space, y1)
             let_go, inside, way = loosest(plant, t + taken, segment, space, side)

@@ -31,7 +31,14 @@ from seatdyn.kernels.events import (
     first_event,
     sides_of,
 )
-from seatdyn.kernels.holding import held_margin, release, try_to_hold
+from seatdyn.kernels.holding import (
+    HOLDING_TOLERANCE,
+    dip_between,
+    held_margin,
+    release,
+    stay,
+    try_to_hold,
+)
 from seatdyn.kernels.jit import allocating, inner, kernel, stage, takes
 from seatdyn.kernels.plant import (
     AT_PLANT,
@@ -47,7 +54,6 @@ from seatdyn.kernels.together import Shares
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)
 LARGEST = 1e9  # m or m/s: no seat moves that far
 REFINEMENTS = 60
-HOLDING_TOLERANCE = 1e-10  # N: a holding force this near to the end of its jump lets go
 FIRST_STEP = 1e-3  # s, of the Dormand-Prince steps; the error control finds the right one
 START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
@@ -55,6 +61,8 @@ FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 600, 1 / 300  # errors that allow a doubled step
 HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
+SHORTEST_AFTER_RELEASE = 1e-6  # s
+MISSED = 100.0  # tolerances: a break that is still so far away is not met
 
 
 @inner
@@ -86,11 +94,12 @@ def first_break(plant, half, z_scale, v_scale, work):
 def cut(plant, t, half, segment, reach, row, channel, tolerance, work):
     """End a ladder step after `reach` half steps, or on break `row` nearby (-1: none).
 
-    What the work says of the step becomes that of the shorter one; returns the reach.
+    What the work says of the step becomes that of the shorter one; returns the reach, or 0 if the
+    break is not met there: what found it was too rough for so long a step.
     """
     path, spare, side, held = work.path, work.spare, work.side, work.held
     n2 = 2 * path.shape[1] // 3
-    end, middle = spare[0], spare[1]
+    end, middle, g = spare[0], spare[1], 0.0
     for _ in range(CORRECTIONS):
         state_within(half, reach - 1.0, path, end)
         base = base_motion(plant, t + reach * half, segment)
@@ -103,6 +112,8 @@ def cut(plant, t, half, segment, reach, row, channel, tolerance, work):
         if abs(g) <= tolerance or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0:
             break
         reach = better
+    if abs(g) > MISSED * tolerance:
+        return 0.0
     state_within(half, 0.5 * reach - 1.0, path, middle)
     copy(end, path[2])
     copy(middle, path[1])
@@ -265,6 +276,7 @@ def integrate(
     hopeless = False  # the refused step before would be refused at half its size, too
     rk_until = -np.inf  # Dormand-Prince steps up to here
     fresh = True  # accelerations at the start have to be computed
+    released = False  # a channel has just been let go: it begins to move with no acceleration
     while t < t1:
         if segment + 1 < segments.shape[0] and t >= segments[segment + 1, 0]:
             segment += 1
@@ -315,8 +327,17 @@ def integrate(
             if breaks:
                 reach, row, channel = first_break(plant, half, z_scale, v_scale, work)
                 if row >= 0 and reach * half <= instant:
+                    if released and fit > 0:
+                        level, level_before = fit - 1, -1  # the step is too long to see it go
+                        continue
                     at_once = flips <= 2 * breaks
-                    if not at_once:  # going along a break: either branch gives the same motion
+                    if not at_once:
+                        if stay(
+                            plant, t, segment, y, row, channel, side, held, arrays.spare[0, :n],
+                            force,
+                        ):  # fmt: skip
+                            fresh, level_before = True, -1
+                            continue
                         reach, row = 2.0, -1
             if stop - t < reach * half - instant:
                 reach, row = (stop - t) / half, -1
@@ -325,6 +346,11 @@ def integrate(
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
                     reach = cut(plant, t, half, segment, reach, row, channel, near, work)
                     level_before = -1
+                    if reach == 0.0:
+                        level, patience = fit - 1, PATIENCE
+                        if level < 0:
+                            level, rk_until = 0, t + 2 * half
+                        continue
                 else:
                     ex.keep_forces(work)
                     level_before = fit
@@ -366,11 +392,28 @@ def integrate(
                 y_end, a0, a_rk, side, held, z_scale, v_scale, scratch,
             )  # fmt: skip
             if share == 0.0:
+                if released and h > SHORTEST_AFTER_RELEASE:
+                    h_rk = 0.5 * h
+                    continue
                 at_once = flips <= 2 * breaks
                 if not at_once:
+                    if stay(
+                        plant, t, segment, y, row, channel, side, held, arrays.spare[0, :n], force
+                    ):
+                        fresh = True
+                        continue
                     row = -1
             if holding and not at_once:
                 margin, channel_off = held_margin(plant, t + h, segment, y_end, side, held, force)
+                place = 2.0
+                if margin >= 0.0:
+                    place = dip_between(
+                        plant, t, h, segment, y, a0, y_end, a_rk, margin, side, held, force0,
+                        arrays.spare[0], arrays.before[0],
+                    )  # fmt: skip
+                if place < min(share, 1.0):
+                    h_rk = place * h  # to look at it from there
+                    continue
                 if margin < 0.0:
                     row, let_go, share = -1, channel_off, 0.5
             if not at_once:
@@ -390,6 +433,7 @@ def integrate(
                 copy(a_rk, a0)
                 copy(force, force0)
 
+        released = let_go >= 0
         if row < 0 and let_go < 0:
             flips = 0
             continue
@@ -415,7 +459,7 @@ def integrate(
 
 
 SHARES = Shares(
-    here=(accelerations, base_motion, rk_step, held_margin, release, pass_break, land),
+    here=(accelerations, base_motion, rk_step, held_margin, stay, release, pass_break, land),
     there=(
         find_event,
         first_break,
