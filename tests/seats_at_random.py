@@ -337,7 +337,8 @@ def outcome_of(case: Set) -> Outcome:
 def miss(case: Set, outcome: Outcome) -> float:
     """How far the motion misses itself after one period in time, relative to its size.
 
-    Divided by the growth over a period of the disturbance that an unstable motion amplifies.
+    Divided by the growth over a period of the disturbance that an unstable motion amplifies; not a
+    number where that is beyond all numbers.
     """
     state, sine = outcome.state, case.sine
     problem = problem_for(case.system, sine, sd.Settings(rtol=1e-11))
@@ -350,4 +351,6 @@ def miss(case: Set, outcome: Outcome) -> float:
         return math.inf
     change = np.max(np.abs(run.end.y - start) / orbit_scales(problem, run))
     growth = state.attrs.get("floquet_max", 1.0)
+    if growth == math.inf:
+        return math.nan
     return float(change / max(1.0, growth if growth > 1.0 else 1.0))

@@ -99,6 +99,15 @@ def test_friction_does_not_hold_an_unstable_seat():
     assert np.all(np.isnan(state.amplitude))
 
 
+@pytest.mark.filterwarnings("ignore::seatdyn.errors.BandWarning")
+def test_growth_beyond_all_numbers_is_unstable():
+    """A disturbance of this motion grows over one period until the run ends."""
+    case = random_set(9671)
+    state = sd.steady_state(case.system, case.sine, method="hb", tolerance=TOLERANCE)
+    assert (state.attrs["status"], state.attrs["stable"]) == ("converged", 0)
+    assert state.attrs["floquet_max"] == np.inf
+
+
 def test_motions_of_too_many_harmonics_are_finished_in_time():
     """4096 samples of steep friction do not reach 1e-9; Newton's method on the period map does."""
     system, sine = paper_system(sd.CoulombFriction(50.0)), sd.Sine(1.55, amplitude=0.8857)

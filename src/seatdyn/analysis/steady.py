@@ -479,6 +479,8 @@ def _newton(
             return found
         residual_before = residual
         jacobian = period_map(problem, period, run, y, scales)
+        if not np.all(np.isfinite(jacobian)):  # disturbances grow beyond all numbers
+            return found
         y = y + np.linalg.solve(np.eye(y.size) - jacobian, run.end.y - y)
     return found
 
