@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("seatdyn")
 
 LONGEST_LADDER_STEP = 0.1  # s
-LADDER_REACH = 4  # times that, with the linear part exact: half a period of the input
+# times that, with the linear part exact: half a period of the input, or a quarter where breaks of
+# laws are looked for, between the ends of each half of a step
+LADDER_REACH, REACH_WITH_BREAKS = 4, 2
 MOST_SEGMENTS = 16  # of an input that the ladder is used for
 PIECE = 30.0  # s of a long run between two reports of progress
 SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
@@ -188,7 +190,8 @@ class Problem:
             return LateProblem.make(system, motion, settings)
         plant = lower(system, motion)
         longest = min(motion.longest_step, LONGEST_LADDER_STEP)
-        ladder = make_ladder(plant, LADDER_REACH * longest)
+        reach = REACH_WITH_BREAKS if plant.breaks.size else LADDER_REACH
+        ladder = make_ladder(plant, reach * longest)
         return cls(system, motion, settings, plant, ladder, longest)
 
     @property
