@@ -48,7 +48,7 @@ ENGINES = {  # elements that do nothing, each for an engine of its own
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("excess", [1e-3, 1e-5])
+@pytest.mark.parametrize("excess", [1e-3, 1e-4])
 def test_a_short_slip_is_not_missed(engine, excess):
     """The base asks for more than friction can bear, for a short while in each half period.
 
@@ -59,14 +59,15 @@ def test_a_short_slip_is_not_missed(engine, excess):
     force, mass, omega = 40.0, 20.0, 2 * np.pi
     system = oscillator(sd.Spring(1e-9), friction(force), *ENGINES[engine], mass=mass)
     slips = []
-    for phase in (0.1, 1.9):
+    for phase in (0.1, 0.7, 1.3, 1.9, 2.5, 3.3):
         sine = sd.Sine(1.0, amplitude=force / mass * (1 + excess), phase=phase)
         # the start leaves a speed that friction takes first
         run = sd.simulate(system, sine, 8.0, settings=sd.Settings(rtol=1e-12), energy_check=False)
         travel = run.relative_displacement.sel(pair="seat-base")
-        slips.append(float(np.ptp(travel.values[run.time.values > 4.0])))
+        held = travel.interp(time=np.arange(8.0, 15.0) / 2 - phase / omega)  # between the slips
+        slips.append(np.abs(np.diff(held)))
     expected = 4.5 * force / mass * (excess / omega) ** 2
-    assert slips == pytest.approx([expected] * 2, rel=3e-3, abs=0.0)
+    np.testing.assert_allclose(slips, expected, rtol=3e-3)
 
 
 CREEPING = {"load": 100.0, "force": 50.0, "mass": 20.0, "stiffness": 1e4}

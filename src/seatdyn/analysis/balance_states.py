@@ -62,7 +62,7 @@ MOST_STEPS, SMALLEST_STEP = 25, 1.0 / 64.0
 NEWTON_SHARE, SMALLEST_RESIDUAL = 0.03, 1e-11  # of the tolerance; what Newton's method may leave
 STALLED = 1e-7  # residual, relative, at which no further progress is no failure
 MULTIPLIERS = Settings(rtol=1e-10, max_steps=500_000)
-MOST_PARTS = 64  # times as many steps of the states as their fastest rate asks for
+MOST_PARTS = 256  # times as many steps of the states as their fastest rate asks for
 WINDOW = np.linspace(-1.0, 1.0, 17)  # samples around an extremum, looked at again
 
 
@@ -281,8 +281,11 @@ class Solver:
         found, _ = gmres(tangent, -r, rtol=FORCING, restart=KRYLOV, maxiter=1)
         return nearly(found)
 
-    def solve(self, tolerance: float) -> tuple[int, float]:
-        """Newton's method from the present series; code, and what is left relative to its size."""
+    def solve(self, tolerance: float, *, final: bool = True) -> tuple[int, float]:
+        """Newton's method from the present series; code, and what is left relative to its size.
+
+        final : False on the way of a continuation, where the steps of the states may be rough
+        """
         x = self.vector(SERIES)
         self.keep()
         r = self.residual(x)
@@ -294,6 +297,8 @@ class Solver:
             size, norm = float(np.linalg.norm(x)) + 1e-300, float(np.linalg.norm(r))
             if not np.isfinite(norm):  # of too many events, say: no step leads on from there
                 return NOT_CONVERGED, math.inf
+            if norm <= tolerance * size and not final:
+                return CONVERGED, norm / size
             if norm <= tolerance * size:
                 # steps of the states are halved while that matters: the estimate compares levels,
                 # whose steps may be the same
@@ -304,6 +309,7 @@ class Solver:
                     return CONVERGED, max(norm, float(np.linalg.norm(finer))) / size
                 if self.history.parts[0] < MOST_PARTS:
                     continue
+                self.history.parts[0] //= 2
                 return NOT_CONVERGED, norm / size
             if self.near is None:
                 self.precondition(x, r)
@@ -337,7 +343,7 @@ class Solver:
             if reached > 0.0:
                 grown = target / reached if which == LEVEL else 1.0
                 self.work.series[SERIES] = series * grown
-            code, _ = self.solve(tolerance)
+            code, _ = self.solve(tolerance, final=target == 1.0)
             if code == CONVERGED:
                 reached, stride = target, 2.0 * stride
                 series = self.work.series[SERIES].copy()
