@@ -50,6 +50,7 @@ def test_state_agrees_with_the_one_reached_from_rest(case, sine):
     assert ours.attrs["energy_residual"] < 1e-6
     n = ours.sizes["node"]
     assert ours.sizes["multiplier"] == 2 * n + ours.sizes["state"]
+    assert theirs.attrs["floquet_max"] == pytest.approx(ours.attrs["floquet_max"], rel=0.02)
     scale = np.abs(theirs.internal_state).max("time")
     assert (
         float((np.abs(ours.internal_state - theirs.internal_state).max("time") / scale).max())

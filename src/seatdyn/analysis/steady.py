@@ -245,12 +245,14 @@ def _of_orbit(
         if not balance.closes(rtol):
             orbit.status = Status.INCONSISTENT
     data = _dataset(problem, orbit)
+    known = "floquet_multipliers" in data
+    largest = float(np.abs(data.floquet_multipliers[0])) if known else orbit.multiplier
     data.attrs |= {
         "status": str(orbit.status),
         "message": orbit.status.message,
         "method": "time",
         "error_estimate": max(orbit.error, rtol),
-        "floquet_max": orbit.multiplier,
+        "floquet_max": largest,
         "periods": orbit.periods,
         "tolerance": tolerance,
     }
@@ -559,11 +561,12 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     values = np.array(list(outputs.values()))
     top, bottom = np.array([high[n] for n in names]), np.array([low[n] for n in names])
     multipliers = orbit.multipliers
-    if type(problem) is Problem:  # with delays or states of elements a state is more than this
+    if not system.delays:  # with these a state is more than its numbers of the moment
         scales = orbit_scales(problem, orbit.run)
         start = orbit.run.record[0, 1 : 1 + scales.size]
         jacobian = period_map(problem, orbit.period, orbit.run, start, scales)
-        multipliers = sorted_multipliers(jacobian)
+        if np.all(np.isfinite(jacobian)):
+            multipliers = sorted_multipliers(jacobian)
     data = to_dataset(system, samples)
     fill(
         data, names, (top - bottom) / 2, top, bottom, np.sqrt(np.mean(values**2, axis=1)),
