@@ -30,6 +30,14 @@ def oscillator(*elements, mass=1.0):
     return sd.SeatSystem(body, sd.Seat(mass / 2, elements))
 
 
+def amplitude_after(system, sine, periods):
+    """Amplitude of the suspension travel in the last of so many periods from rest."""
+    period = 1.0 / sine.frequency
+    long = sd.simulate(system, sine, periods * period, output_step=period / 500)
+    last = long.relative_displacement.sel(pair="seat-base").values[-501:]
+    return (last.max() - last.min()) / 2
+
+
 def oracle_rows(name):
     """Parameter and the 14 amplitudes of each row of an oracle table."""
     with (ORACLE / f"{name}.csv").open() as lines:

@@ -49,12 +49,12 @@ def quasi_polynomial(s, *case, **values):
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
-def zeros_in_box(case, low, high, top):
-    """Number of zeros with low < Re s < high, |Im s| < top, from turns of the determinant."""
+def zeros_in_box(case, low, high, top, determinant=quasi_polynomial):
+    """Zeros less poles with low < Re s < high, |Im s| < top, from turns of the determinant."""
     edges = [complex(low, -top), complex(high, -top), complex(high, top), complex(low, top)]
     turns = 0.0
     for a, b in zip(edges, edges[1:] + edges[:1], strict=True):
-        values = quasi_polynomial(a + (b - a) * np.linspace(0.0, 1.0, 40_001), *case)
+        values = determinant(a + (b - a) * np.linspace(0.0, 1.0, 40_001), *case)
         turns += np.sum(np.angle(values[1:] / values[:-1]))
     return round(turns / (2 * np.pi))
 
