@@ -169,8 +169,6 @@ class BalancedWithStates(Balanced):
             return np.full(start.size, np.nan, dtype=complex), -1.0
         scales = orbit_scales(problem, run)
         matrix = period_map(problem, period, run, start, scales)
-        if not np.all(np.isfinite(matrix)):  # disturbances grow beyond all numbers
-            return np.full(start.size, np.inf, dtype=complex), self._slowest()
         return sorted_multipliers(matrix), self._slowest()
 
     def _slowest(self) -> float:

@@ -19,7 +19,12 @@ UNSTABLE = "This motion solves the equations, but it is unstable."
 
 
 def sorted_multipliers(matrix: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of a monodromy matrix, largest first."""
+    """Eigenvalues of a monodromy matrix, largest first; infinite where it is not finite.
+
+    Disturbances grow beyond all numbers then.
+    """
+    if not np.all(np.isfinite(matrix)):
+        return np.full(len(matrix), np.inf, dtype=complex)
     values = np.linalg.eigvals(matrix).astype(complex)
     return np.asarray(values[np.argsort(-np.abs(values))])
 

@@ -54,9 +54,8 @@ CLOSE = 1e-3  # relative change per period below which Newton may finish
 PERTURBATION = 1e-5  # relative, for the monodromy matrix
 SELDOM = 128  # periods
 NEWTON_STEPS = 6
-FINISH = Settings(
-    rtol=1e-11, max_steps=MOST_STEPS
-)  # of a motion that harmonic balance has almost found
+# of a motion that harmonic balance has almost found
+FINISH = Settings(rtol=1e-11, max_steps=MOST_STEPS)
 FAR = 1e2  # m, m/s: a run that ends there, for whatever reason, grows without bound
 STICKING_PERIODS = 200  # of time integration where harmonic balance cannot follow
 CREEPING = 0.5  # ratio of two changes above which what friction holds is led to where it creeps
@@ -348,7 +347,8 @@ def find_orbit(
             return Orbit(status, period, periods=count)
         if run.status is not Status.OK:
             return Orbit(run.status, period, periods=count)
-        change = np.abs(run.end.y - state.y) / orbit_scales(problem, run)
+        scales = orbit_scales(problem, run)
+        change = np.abs(run.end.y - state.y) / scales
         changes.append(float(change.max()))
         moves.append(float(change[: problem.system.linear.size].max()))
         rate, pace = (last[-1] / last[-2] if last[-2] > 0.0 else 1.0 for last in (changes, moves))
@@ -370,7 +370,7 @@ def find_orbit(
                 multiplier=rate,
                 periods=count,
             )
-        order = _repeats_after(past, run, tolerance, orbit_scales(problem, run))
+        order = _repeats_after(past, run, tolerance, scales)
         if order:
             return Orbit(Status.SUBHARMONIC, period, periods=count, order=order)
         past.append(state.y)
