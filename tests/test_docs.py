@@ -165,16 +165,25 @@ def test_every_public_name_is_described():
 BELOW = {
     "errors": (),
     "units": ("errors",),
+    "disk": ("errors",),
     "kernels": ("units", "errors"),
     "standards": ("units", "errors"),
     "signals": ("standards", "units", "errors"),
-    "model": ("kernels.laws", "kernels.memory_laws", "signals", "standards", "units", "errors"),
-    "analysis": ("model", "kernels", "signals", "standards", "units", "errors"),
-    "output": ("analysis", "model", "kernels", "signals", "standards", "units", "errors"),
-    "paper": ("output", "analysis", "model", "kernels", "signals", "units", "errors"),
+    "model": (
+        "kernels.laws",
+        "kernels.memory_laws",
+        "signals",
+        "standards",
+        "units",
+        "disk",
+        "errors",
+    ),
+    "analysis": ("model", "kernels", "signals", "standards", "units", "disk", "errors"),
+    "output": ("analysis", "model", "kernels", "signals", "standards", "units", "disk", "errors"),
+    "paper": ("output", "analysis", "model", "kernels", "signals", "units", "disk", "errors"),
     "app": (
         *("paper", "output", "analysis", "model", "kernels", "signals", "standards"),
-        *("units", "errors"),
+        *("units", "disk", "errors"),
     ),
 }
 LAZILY = {"model": ("kernels.jit",)}  # inside functions: user laws are compiled on first use

@@ -110,7 +110,7 @@ def test_full_disk(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", code, str(file)], capture_output=True, text=True, check=True
     )
-    assert "x.nc' was not written: File too large. Free some space, or choose" in done.stdout
+    assert "x.nc' was not written: File too large. What was there before is" in done.stdout
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
 

@@ -177,7 +177,7 @@ def test_interrupted_run_is_taken_up_again(tmp_path):
         file.write_bytes(broken)
         with pytest.raises(sd.RequestError, match="cannot be read"):
             sd.random_response(system, motion, checkpoint=file)
-    with pytest.raises(sd.OutputError, match="cannot be written"):
+    with pytest.raises(sd.OutputError, match="was not written"):
         sd.random_response(system, motion, realisations=16, checkpoint=tmp_path / "no" / "a.npz")
 
 

@@ -100,7 +100,7 @@ def test_other_refusals(tmp_path):
         save_seat(own, tmp_path / "own.toml")
     with pytest.raises(sd.ModelError, match=r"ends in '\.toml'"):
         save_seat(own, tmp_path / "own.txt")
-    with pytest.raises(sd.ModelError, match="cannot be written"):
+    with pytest.raises(sd.OutputError, match="was not written"):
         save_seat(sd.Seat(20.0), tmp_path / "missing" / "seat.toml")
 
 

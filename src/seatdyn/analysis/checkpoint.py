@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.errors import OutputError, RequestError
+from seatdyn.disk import write_whole
+from seatdyn.errors import RequestError
 
 Array = NDArray[np.float64]
 
@@ -51,17 +52,9 @@ class Checkpoint:
 
     def write(self, blocks: list[Array]) -> None:
         """Put all blocks there."""
-        new = self.path.with_name(f"{self.path.name}.{os.getpid()}.part")
-        try:
-            with new.open("wb") as stream:
-                np.savez(stream, identity=np.array(self.identity), blocks=np.array(blocks))
-            new.replace(self.path)
-        except OSError as error:
-            new.unlink(missing_ok=True)
-            raise OutputError(
-                f"The checkpoint {str(self.path)!r} cannot be written: {error.strerror}. What was "
-                "there is unchanged; free some space or name another place."
-            ) from None
+        content = io.BytesIO()
+        np.savez(content, identity=np.array(self.identity), blocks=np.array(blocks))
+        write_whole(self.path, content.getvalue())
 
 
 def _difference(stored: str, asked: str) -> str:

@@ -20,7 +20,15 @@ from seatdyn.app import linear, random, response, standards
 from seatdyn.app.bodies import bodies
 from seatdyn.app.options import option, spread
 from seatdyn.app.seat_test import seat_test
-from seatdyn.app.show import Interrupted, Messages, progress_bar, say, write_line, write_table
+from seatdyn.app.show import (
+    Interrupted,
+    Messages,
+    Written,
+    progress_bar,
+    say,
+    write_line,
+    write_table,
+)
 from seatdyn.errors import SeatdynError, SeatdynWarning
 
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 1
@@ -34,8 +42,10 @@ class Commands(TyperGroup):
         """Run, and leave with 0 (result), 2 (bad input), 3 (no valid result) or 130 (Ctrl-C)."""
         extra |= {"standalone_mode": False, "prog_name": "seatdyn"}
         code: int | None
-        messages = Messages(logging.WARNING)
+        messages, written = Messages(logging.WARNING), Written()
         logging.getLogger("seatdyn").addHandler(messages)
+        logging.getLogger("seatdyn.disk").addHandler(written)
+        logging.getLogger("seatdyn.disk").setLevel(logging.INFO)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("always", SeatdynWarning)
@@ -68,8 +78,9 @@ class Commands(TyperGroup):
             code = BAD_INPUT
         finally:
             logging.getLogger("seatdyn").removeHandler(messages)
+            logging.getLogger("seatdyn.disk").removeHandler(written)
         if code == INTERRUPTED:
-            say("interrupted; nothing was finished")
+            say(f"interrupted; {written}")
         sys.exit(code or 0)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NO_RESULT = 3
+MOST_NAMED = 3  # files in a message
 LARGEST_TABLE = 24  # rows for people; --json has them all
 
 
@@ -37,6 +38,27 @@ class Messages(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print the bare message."""
         say(record.getMessage())
+
+
+class Written(logging.Handler):
+    """Keeps the names of the files that the library says it has written."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        super().__init__(logging.INFO)
+        self.files: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Add one."""
+        self.files.append(record.getMessage())
+
+    def __str__(self) -> str:
+        """Name a few, count many."""
+        if not self.files:
+            return "nothing was finished"
+        if len(self.files) > MOST_NAMED:
+            return f"written before: {len(self.files)} files, the last one {self.files[-1]}"
+        return f"written before: {', '.join(self.files)}"
 
 
 def plain(value: Any) -> Any:

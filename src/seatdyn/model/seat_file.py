@@ -26,6 +26,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from seatdyn.disk import write_whole
 from seatdyn.errors import ModelError
 from seatdyn.model.contact import ContactStop
 from seatdyn.model.cushion import KelvinVoigt, Zener
@@ -122,15 +123,13 @@ def save_seat(seat: Seat, path: str | Path) -> None:
     Raises
     ------
     ModelError
-        A path with another ending, an element that cannot be written, or a place that cannot be
-        written to.
+        A path with another ending, or an element that cannot be written.
+    OutputError
+        The disk is full or the place not writable; an older file stays as it was.
     """
     if Path(path).suffix != ".toml":
         raise ModelError(f"path = {str(path)!r} is not allowed; a seat file ends in '.toml'.")
-    try:
-        Path(path).write_text(seat_to_toml(seat), encoding="utf-8")
-    except OSError as error:
-        raise ModelError(f"The seat file {str(path)!r} cannot be written: {error}.") from None
+    write_whole(Path(path), seat_to_toml(seat).encode("utf-8"))
 
 
 def seat_from_dict(data: Mapping[str, Any]) -> Seat:

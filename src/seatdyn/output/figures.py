@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatdyn.disk import write_whole
 from seatdyn.errors import OutputError
 from seatdyn.output.assessment import draw_assessment, draw_comparison, draw_weighting
 from seatdyn.output.bodies import draw_bodies
 from seatdyn.output.curves import draw_curves
-from seatdyn.output.files import require_dataset, writable, write_whole
+from seatdyn.output.files import require_dataset, writable
 from seatdyn.output.random import draw_random
 from seatdyn.output.seat_test import draw_damping_test, draw_seat_test
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatdyn.disk import write_whole
 from seatdyn.errors import OutputError
 
 if TYPE_CHECKING:
@@ -147,28 +148,6 @@ def require_dataset(dataset: object) -> None:
         raise OutputError(
             f"{type(dataset).__name__} is no xarray.Dataset; give what an analysis returned."
         )
-
-
-def write_whole(target: Path, content: bytes) -> None:
-    """Write a file whole or not at all: beside its place, then renamed into it.
-
-    Raises
-    ------
-    OutputError
-        The disk is full or the place not writable; an older file stays as it was.
-    """
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        try:
-            part.write_bytes(content)
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{str(target)!r} was not written: {error.strerror or error}. Free some space, or "
-            "choose a place where you may write."
-        ) from error
 
 
 def _image(encoded: xr.Dataset) -> bytes:

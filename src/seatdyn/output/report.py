@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatdyn.output.files import writable, write_whole
+from seatdyn.disk import write_whole
+from seatdyn.output.files import writable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from seatdyn.disk import write_whole
 from seatdyn.errors import OutputError
 
 
@@ -26,30 +26,13 @@ class OutputFolder:
     def __init__(self, path: Path) -> None:
         """Make the folder and try it."""
         self.path = Path(path)
-        self.write(".writable", b"")
-        (self.path / ".writable").unlink(missing_ok=True)
+        self._make(self.path)
 
     def write(self, name: str, content: bytes | str) -> Path:
         """Put a file at `name` below the folder, over an older one, by renaming a finished one."""
         target = self.path / name
-        data = content.encode("utf-8") if isinstance(content, str) else content
-        temporary = None
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            mask = os.umask(0)
-            os.umask(mask)
-            Path(temporary).chmod(0o666 & ~mask)  # mkstemp makes files for their owner only
-            Path(temporary).replace(target)
-        except OSError as error:
-            if temporary is not None:
-                Path(temporary).unlink(missing_ok=True)
-            raise OutputError(
-                f"Cannot write {str(target)!r}: {error.strerror or error}. Choose a folder that "
-                "can be written to and has room, with --out."
-            ) from None
+        self._make(target.parent)
+        write_whole(target, content.encode("utf-8") if isinstance(content, str) else content)
         return target
 
     def write_csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
@@ -64,3 +47,16 @@ class OutputFolder:
         """Put a JSON file, strict: NaN and infinity are a bug."""
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         return self.write(name, text + "\n")
+
+    @staticmethod
+    def _make(folder: Path) -> None:
+        """Make a folder where it is missing, and try whether files can be put there."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise OutputError(
+                f"Cannot write to {str(folder)!r}: {error.strerror or error}. Choose a folder "
+                "that can be written to, with --out."
+            ) from None
