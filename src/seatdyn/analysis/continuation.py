@@ -4,7 +4,9 @@ A periodic motion is a fixed point y = P(y, p) of the map over one period, p the
 the branch both are unknown; the step is measured along the branch, so folds are points like
 others (Keller 1977). P and its derivatives come from time integration, which locates jumps and
 kinks of forces; eigenvalues of dP/dy are the Floquet multipliers, so every point knows its
-stability. Where forces act late, y is a piece of history (`period_map`).
+stability. At a graze, where a motion begins to touch a break of a law, dP/dy leaps: the branch has
+a corner there, and a multiplier that is found on the other side of 1 has not passed it. Where
+forces act late, y is a piece of history (`period_map`).
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.period_map import PERTURBATION, Period, period_map
+from seatdyn.analysis.period_map import Period, one_sided, period_map
 from seatdyn.analysis.run import Run, Settings
 from seatdyn.analysis.steady import extrema, find_orbit, require_period
 from seatdyn.errors import Status
@@ -35,8 +37,9 @@ MOST_ITERATIONS = 8
 FEW_ITERATIONS = 3  # let the step grow
 SHARPEST_TURN = 0.92  # cosine of the angle between tangents of neighbours
 MOST_POINTS = 5000
-REFINEMENTS = 30  # of a special point
-LOCATED = 1e-7  # of its place along the branch
+LOCATED = 1e-7  # of the place of a special point along the branch
+LEAP = 1e-2  # of a multiplier, within that: no smooth map does it
+APART = 10.0  # times as far from each other as they should be: not on the same branch
 START_TOLERANCE, START_PERIODS = 1e-8, 5000
 GAP = 0.01  # of the range, left out where a branch ends; doubled until a motion is found
 
@@ -63,9 +66,9 @@ class Point(NamedTuple):
 
 
 class Special(NamedTuple):
-    """A fold or a change of stability."""
+    """A fold, a corner or a change of stability."""
 
-    kind: str  # fold, period doubling, Neimark-Sacker, branch point, break
+    kind: str  # fold, period doubling, Neimark-Sacker, branch point, graze, break
     point: Point
 
 
@@ -95,6 +98,13 @@ class _Solved(NamedTuple):
     iterations: int
 
 
+class _At(NamedTuple):
+    """A solution and what is kept of it."""
+
+    solved: _Solved
+    point: Point
+
+
 class Tracer:
     """Follows one branch of `make(p)` over start .. stop."""
 
@@ -118,12 +128,17 @@ class Tracer:
 
     def derivatives(self, u: Array, period: Period, run: Run) -> Array:
         """Derivatives of the residual by every unknown, (K, K + 1)."""
-        y, moved = u[:-1] * self.scales, u.copy()
-        moved[-1] += PERTURBATION
-        other = self.period(self.value(moved))
-        change = self.residual(moved, other, other.run(y, run)) - self.residual(u, period, run)
+        y = u[:-1] * self.scales
+
+        def moved(share: float) -> tuple[Run, Array]:
+            there = np.append(u[:-1], u[-1] + share)
+            other = self.period(self.value(there))
+            beside = other.run(y, run)
+            return beside, self.residual(there, other, beside)
+
         by_y = period.differences(y, run, self.scales) - np.eye(y.size)
-        return np.column_stack([by_y, change / PERTURBATION])
+        by_p = one_sided(moved, run, self.residual(u, period, run))
+        return np.column_stack([by_y, by_p])
 
     def solve(self, guess: Array, near: _Near, normal: Array) -> _Solved | None:
         """Point of the branch in the plane through `guess` with this normal, near `guess`.
@@ -132,7 +147,7 @@ class Tracer:
         update, and takes new ones where that is slow.
         """
         u, before, fresh = guess.copy(), math.inf, False
-        run, jacobian = near.run, near.jacobian
+        run, jacobian, breaks = near.run, near.jacobian, near.run.events
         step, residual = np.zeros_like(u), np.zeros(u.size - 1)
         for iteration in range(1, MOST_ITERATIONS + 1):
             period = self.period(self.value(u))
@@ -144,12 +159,12 @@ class Tracer:
             if size <= TOLERANCE:
                 found = _Near(period, run, self.derivatives(u, period, run))
                 return _Solved(u, found, iteration)
-            if iteration > 1 and size <= FAST * before:
+            if iteration > 1 and size > FAST * before and (not fresh or run.events != breaks):
+                jacobian, fresh, breaks = self.derivatives(u, period, run), True, run.events
+            elif iteration > 1 and size <= before:
                 defect = new - residual - jacobian @ step
                 jacobian = jacobian + np.outer(defect, step) / (step @ step)
-            elif iteration > 1 and not fresh:
-                jacobian, fresh = self.derivatives(u, period, run), True
-            elif iteration > 1 and size > before:
+            elif iteration > 1:
                 return None
             before, residual = size, new
             bordered = np.vstack([jacobian, normal])
@@ -248,16 +263,16 @@ def _follow(tracer: Tracer, solved: _Solved, tangent: Array, low: float = 0.0) -
     branch = Branch(points=[tracer.point(solved, tangent)])
     length = FIRST_STEP
     while len(branch.points) < MOST_POINTS:
+        if length < SHORTEST_STEP:
+            branch.status = Status.NOT_CONVERGED
+            branch.message = (
+                f"The branch was lost at {tracer.value(solved.u):.6g}: no neighbour was found "
+                "however short the step."
+            )
+            return branch
         found = _advance(tracer, solved, tangent, length)
         if found is None:
             length /= 2
-            if length < SHORTEST_STEP:
-                branch.status = Status.NOT_CONVERGED
-                branch.message = (
-                    f"The branch was lost at {tracer.value(solved.u):.6g}: no neighbour was found "
-                    "however short the step."
-                )
-                return branch
             continue
         new, direction = found
         beyond = new.u[-1] > 1.0 or new.u[-1] < low
@@ -272,8 +287,15 @@ def _follow(tracer: Tracer, solved: _Solved, tangent: Array, low: float = 0.0) -
                 continue
             new, direction = last, tracer.tangent(last.near.jacobian, direction)
         point = tracer.point(new, direction)
-        special = _special_between(tracer, solved, branch.points[-1], new, point)
-        branch.special += [special] if special else []
+        left = _At(solved, branch.points[-1]._replace(tangent=tangent))
+        right = _At(new, point)
+        change = _change(left, right)
+        if change:
+            special = _special(tracer, left, right, change)
+            if special is None:
+                length /= 2
+                continue
+            branch.special.append(special)
         branch.points.append(point)
         if beyond:
             return branch
@@ -293,7 +315,8 @@ def _advance(
     if new is None:
         return None
     direction = tracer.tangent(new.near.jacobian, tangent)
-    return (new, direction) if direction @ tangent >= SHARPEST_TURN else None
+    bends = direction @ tangent < SHARPEST_TURN
+    return None if bends and new.near.run.events == solved.near.run.events else (new, direction)
 
 
 def _rescaled(tracer: Tracer, solved: _Solved, tangent: Array) -> tuple[_Solved, Array]:
@@ -310,35 +333,70 @@ def _rescaled(tracer: Tracer, solved: _Solved, tangent: Array) -> tuple[_Solved,
     )
 
 
-def _special_between(
-    tracer: Tracer, left: _Solved, at_left: Point, right: _Solved, at_right: Point
-) -> Special | None:
-    """The fold or change of stability between two neighbours, located by bisection."""
-    fold = at_left.tangent[-1] * at_right.tangent[-1] < 0.0
-    if not fold and at_left.unstable_count == at_right.unstable_count:
-        return None
+def _change(left: _At, right: _At) -> str:
+    """What happens between two neighbours: "corner", "fold", "stability", or nothing."""
+    for change in ("corner", "fold", "stability"):
+        if change == "corner" and not _is_corner(left.point, right.point):
+            continue
+        if _side(left, change) != _side(right, change):
+            return change
+    return ""
 
-    def passed(point: Point) -> bool:
-        if fold:
-            return bool(point.tangent[-1] * at_left.tangent[-1] < 0.0)
-        return point.unstable_count != at_left.unstable_count
 
-    low, high, best = 0.0, 1.0, at_right
-    chord = right.u - left.u
-    normal = chord / np.linalg.norm(chord)
-    for _ in range(REFINEMENTS):
-        if (high - low) * np.linalg.norm(chord) <= LOCATED:
-            break
-        share = (low + high) / 2
-        middle = tracer.solve(left.u + share * chord, left.near, normal)
+def _is_corner(before: Point, after: Point) -> bool:
+    """Whether the branch turns more between two points than neighbours may."""
+    return bool(before.tangent @ after.tangent < SHARPEST_TURN)
+
+
+def _side(at: _At, change: str) -> float:
+    """What has another value behind a change."""
+    if change == "corner":  # only a graze makes one
+        return at.solved.near.run.events
+    return np.sign(at.point.tangent[-1]) if change == "fold" else at.point.unstable_count
+
+
+def _special(tracer: Tracer, left: _At, right: _At, change: str) -> Special | None:
+    """The change between two neighbours, located by bisection.
+
+    None where the branch is not continuous there: one of them is on another branch.
+    """
+    chord = right.solved.u - left.solved.u
+    length = width = float(np.linalg.norm(chord))
+    before, after, low, gap = left, right, 0.0, width
+    while width > LOCATED and not (gap > APART * width and _leaps(before, after, change)):
+        guess = left.solved.u + (low + 0.5 * width / length) * chord
+        ways = (tracer.solve(guess, at.solved.near, chord / length) for at in (before, after))
+        middle = next((solved for solved in ways if solved is not None), None)
         if middle is None:
             break
-        point = tracer.point(middle, tracer.tangent(middle.near.jacobian, normal))
-        if passed(point):
-            high, best = share, point
+        width *= 0.5
+        tangent = tracer.tangent(middle.near.jacobian, chord / length)
+        at = _At(middle, tracer.point(middle, tangent))
+        if _side(at, change) == _side(left, change):
+            before, low = at, low + width / length
         else:
-            low = share
-    return Special("fold" if fold else _kind(at_left, best), best)
+            after = at
+        gap = float(np.linalg.norm(after.solved.u - before.solved.u))
+    leaps = _leaps(before, after, change)
+    if leaps and (width > LOCATED or gap > APART * width):
+        return None
+    if left.point.tangent[-1] * right.point.tangent[-1] < 0.0:
+        return Special("fold", after.point)
+    if leaps:
+        return Special("graze", after.point)
+    return None if change == "corner" else Special(_kind(left.point, after.point), after.point)
+
+
+def _leaps(before: _At, after: _At, change: str) -> bool:
+    """Whether the branch's direction or the multiplier that passes 1 differs between neighbours.
+
+    At a branch point the direction does on a smooth branch, too, for want of digits.
+    """
+    old, new = before.point, after.point
+    if change == "corner":
+        return _is_corner(old, new)
+    which = min(old.unstable_count, new.unstable_count, old.multipliers.size - 1)
+    return bool(abs(abs(new.multipliers[which]) - abs(old.multipliers[which])) > LEAP)
 
 
 def _kind(before: Point, after: Point) -> str:

@@ -56,9 +56,11 @@ def response_curve(
     xarray.Dataset
         Over level and point along the branch: frequency, floquet_max, stable; amplitude, maximum
         and minimum by output. Over level and event: event_kind (fold, period doubling,
-        Neimark-Sacker, branch point; break, where a branch ends and the curve goes on with what
-        time integration reaches further on), event_frequency, event_amplitude by output. Shorter
-        branches are filled with NaN. Attributes: status (of the worst level), level_status, ...
+        Neimark-Sacker, branch point; graze, where the motion begins or ceases to touch a break of
+        a law, so that a multiplier leaps over the unit circle or the curve has a corner; break,
+        where a branch ends and the curve goes on with what time integration reaches further on),
+        event_frequency, event_amplitude by output. Shorter branches are filled with NaN.
+        Attributes: status (of the worst level), level_status, ...
 
     Raises
     ------

@@ -194,6 +194,8 @@ def monodromy(
 ) -> Array:
     """Derivative of the history after `length` s with respect to that at the start.
 
+    At a graze it is that of the motions that meet the same breaks as the one from `state`.
+
     steps : that a run needs to be accurate
     """
     # steps of one size make the same error in all runs, which cancels in their differences; where
@@ -203,24 +205,30 @@ def monodromy(
         problem, settings=replace(settings, rtol=LOOSE), longest_step=length / FINER / steps
     )
 
-    def after(change: Array, by: LateProblem) -> Array:
-        end = by.run(0.0, length, history.changed(problem, state, change)).end
-        assert isinstance(end, LateState)
-        assert end.past is not None
-        return history.values(end.past)
+    def after(change: Array, by: LateProblem) -> tuple[Array, int]:
+        run = by.run(0.0, length, history.changed(problem, state, change))
+        assert isinstance(run.end, LateState)
+        assert run.end.past is not None
+        return history.values(run.end.past), run.events
 
     size, share = scales.size, PERTURBATION
     assert state.past is not None
     state = replace(state, past=state.past.refined(history.span / ROWS))
-    rough, exact = (after(np.zeros(size), by) for by in (even, problem))
-    if not np.max(np.abs(rough - exact) / scales) <= RESOLVED:
+    (rough, _), (here, events) = (after(np.zeros(size), by) for by in (even, problem))
+    if not np.max(np.abs(rough - here) / scales) <= RESOLVED:
         rtol = max(ACCURACY * settings.rtol, FINEST)
         even, share = replace(problem, settings=replace(settings, rtol=rtol)), COARSE
     operator = np.empty((size, size))
     for i in range(size):
         step = np.zeros(size)
         step[i] = share * scales[i]
-        operator[:, i] = (after(step, even) - after(-step, even)) / (2 * step[i])
+        (ahead, met), (behind, met_behind) = after(step, even), after(-step, even)
+        if met == met_behind or events not in (met, met_behind):
+            change, width = ahead - behind, 2.0
+        else:
+            centre, _ = after(np.zeros(size), even)
+            change, width = (ahead - centre if met == events else centre - behind), 1.0
+        operator[:, i] = change / (width * step[i])
     return operator
 
 

@@ -7,6 +7,7 @@ the run before it ended, changed to the numbers asked for: what lies between the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,20 @@ def period_map(
     return Period(problem, period)
 
 
+def one_sided(moved: Callable[[float], tuple[Run, Array]], run: Run, value: Array) -> Array:
+    """Derivative of a value by a share, from a neighbour that meets the same breaks as `run`.
+
+    A motion that touches a break has two derivatives; a difference across the graze is neither.
+
+    moved : gives the run and the value at a share
+    """
+    for share in (PERTURBATION, -PERTURBATION):
+        other, there = moved(share)
+        if other.events == run.events:
+            break
+    return np.asarray((there - value) / share)
+
+
 class Period:
     """One run of a problem, and the numbers y that it starts from and gives: states."""
 
@@ -62,12 +77,17 @@ class Period:
 
     def differences(self, y: Array, run: Run, scales: Array) -> Array:
         """Derivatives (K, K) of the end by the start, both scaled."""
-        end, columns = self.end(run), []
-        for i in range(y.size):
-            moved = y.copy()
-            moved[i] += PERTURBATION * scales[i]
-            columns.append((self.end(self.run(moved, run)) - end) / PERTURBATION / scales)
-        return np.column_stack(columns)
+
+        def along(i: int) -> Array:
+            def moved(share: float) -> tuple[Run, Array]:
+                start = y.copy()
+                start[i] += share * scales[i]
+                other = self.run(start, run)
+                return other, self.end(other) / scales
+
+            return one_sided(moved, run, self.end(run) / scales)
+
+        return np.column_stack([along(i) for i in range(y.size)])
 
     def multipliers(self, derivatives: Array) -> NDArray[np.complex128]:
         """Floquet multipliers, largest first."""

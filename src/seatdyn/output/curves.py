@@ -19,6 +19,7 @@ MARKS = {
     "period doubling": "s",
     "Neimark-Sacker": "D",
     "branch point": "^",
+    "graze": "x",
     "break": "|",
 }
 MILLI = 1e3
