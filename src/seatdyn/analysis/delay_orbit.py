@@ -18,9 +18,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.approach import JITTER, Approach, most_multiplier, sharper
 from seatdyn.analysis.delay_past import POWERS, Past
 from seatdyn.analysis.delay_time import START, LateProblem, LateRun, LateState
 from seatdyn.analysis.run import SHARE_OF_INPUT, Run, Samples
+from seatdyn.analysis.steady import Orbit
 from seatdyn.errors import Status
 from seatdyn.kernels.columns import BREAKS, FIRST, ON_DISPLACEMENT, ON_VELOCITY, SECOND, VALUE
 from seatdyn.kernels.plant import FREE
@@ -31,15 +33,13 @@ DEGREE = 8  # of the polynomials that corrections of the past are made of
 PERTURBATION, COARSE = 1e-5, 1e-4
 ROWS = 32  # of the past that are changed, at least
 LOOSE, FINER = 1e-2, 2.0  # tolerance of its runs, and how much shorter their steps are
-RESOLVED = 1e-6  # relative error of such a run; beyond it the runs are adaptive,
-ACCURACY, FINEST = 1e-2, 1e-12  # with this share of the tolerance, and not below that
+RESOLVED = 1e-6  # relative error of such a run; beyond it the runs are adaptive, and sharper
 PIECES, BESIDE = 128, 1e-10  # of the past of a known motion; s beside a break
 HALVINGS = 40  # of the time between two of them, on the way to a break
 QUARTERS = np.linspace(0.0, 1.0, POWERS)  # shares of a row
 THROUGH = np.linalg.inv(np.vander(QUARTERS, increasing=True))  # coefficients from values there
 CLOSE = 1e-2  # relative change per period below which the operator is worked out
 FEWEST, SELDOM = 3, 64  # periods before it is, and after which it is anyway
-JITTER = 1e-2  # relative change per period that may be the error of the steps
 FALLS = 0.3  # a corrected period must change the history less than this share of the one before
 
 
@@ -98,20 +98,10 @@ class History:
         fresh = problem.start(record[-1, 1 : 2 * n + 1])
         return LateState(fresh.y, fresh.side, fresh.held, new)
 
-
-class LateOrbit:
-    """How the search for a periodic motion ended."""
-
-    def __init__(self, status: Status, periods: int, run: Run | None = None) -> None:
-        """Keep what was found."""
-        self.status, self.periods, self.run = status, periods, run
-        self.error = np.nan
-        self.multipliers = np.zeros(0, dtype=complex)
-
-    @property
-    def multiplier(self) -> float:
-        """Largest modulus of the multipliers."""
-        return float(np.abs(self.multipliers).max()) if self.multipliers.size else np.nan
+    def led(self, problem: LateProblem, state: LateState, change: Array) -> LateState:
+        """The same for a state that stays held where it is."""
+        led = self.changed(problem, state, change)
+        return replace(led, side=state.side, held=state.held) if state.is_held else led
 
 
 def periods_together(problem: LateProblem, period: float) -> int:
@@ -121,8 +111,10 @@ def periods_together(problem: LateProblem, period: float) -> int:
 
 def find_late_orbit(
     problem: LateProblem, period: float, tolerance: float, max_periods: int, *, linear: bool
-) -> LateOrbit:
+) -> Orbit:
     """Integrate from rest until the motion repeats itself, helped by Newton's method.
+
+    What dry friction holds when a period begins is led to its end instead.
 
     linear : the laws are linear or constant, so that one correction is exact
     """
@@ -134,21 +126,37 @@ def find_late_orbit(
     assert state.past is not None
     values = history.values(state.past)
     operator: Array | None = None
+    approach = Approach()
     before, wait, helped = np.inf, FEWEST, True
     uncorrected = (state, values)  # where a correction that did harm goes back to
     for count in range(together, max_periods + 1, together):
         run = problem.run(0.0, length, state)
         if run.status is not Status.OK:
             lost = run.status is Status.DIVERGED
-            return LateOrbit(Status.NO_PERIODIC_RESPONSE if lost else run.status, count)
+            status = Status.NO_PERIODIC_RESPONSE if lost else run.status
+            return Orbit(status, period, periods=count)
         end = run.end
         assert isinstance(end, LateState)
         assert end.past is not None
         new = history.values(end.past)
         scales = late_scales(problem, history, run)
         residual = new - values
-        change = float(np.max(np.abs(residual) / scales))
+        approach.see(np.abs(residual) / scales, run)
+        change = approach.changes[-1]
+        helpless = end.is_held or approach.was_led
+        if operator is None and helpless and approach.is_over(tolerance):
+            operator = monodromy(problem, history, end, length, scales, run.steps)
+            return Orbit(
+                Status.CONVERGED,
+                period,
+                problem.run(0.0, period, end),
+                error=max(approach.error, change),
+                multiplier=approach.rate,
+                multipliers=multipliers_of(operator, together),
+                periods=count,
+            )
         if operator is not None:
+            approach.forget()
             identity = np.eye(values.size)
             slow = operator @ np.linalg.solve(identity - operator, residual)
             left = float(np.max(np.abs(slow) / scales))
@@ -156,16 +164,20 @@ def find_late_orbit(
                 if not linear:  # the operator was that of a motion nearby
                     operator = monodromy(problem, history, end, length, scales, run.steps)
                 multipliers = multipliers_of(operator, together)
-                if abs(multipliers[0]) < 1.0:
-                    orbit = LateOrbit(Status.CONVERGED, count, problem.run(0.0, period, end))
-                    orbit.error, orbit.multipliers = max(change, left), multipliers
-                    return orbit
+                if abs(multipliers[0]) < most_multiplier(run):
+                    return Orbit(
+                        Status.CONVERGED,
+                        period,
+                        problem.run(0.0, period, end),
+                        error=max(change, left),
+                        multiplier=float(abs(multipliers[0])),
+                        multipliers=multipliers,
+                        periods=count,
+                    )
                 operator, helped = None, False  # it is left to leave this orbit
             else:
                 if FALLS * before < change < JITTER:
-                    # so near and no nearer: what is left may be what the steps leave
-                    rtol = max(ACCURACY * problem.settings.rtol, FINEST)
-                    problem = replace(problem, settings=replace(problem.settings, rtol=rtol))
+                    problem = sharper(problem)  # what is left may be what the steps leave
                 if end.is_held or change > max(FALLS * before, 10 * tolerance):
                     operator, before, wait = None, np.inf, count + 4 * FEWEST
                     state, values = uncorrected
@@ -180,8 +192,13 @@ def find_late_orbit(
             before, uncorrected = np.inf, (end, new)
         else:
             before = change
+            if approach.stalls():
+                problem = sharper(problem)
+            led = approach.lead()
+            if led:
+                end, new = history.led(problem, end, led * residual), new + led * residual
         state, values = end, new
-    return LateOrbit(Status.NO_PERIODIC_RESPONSE, max_periods)
+    return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
 
 
 def monodromy(
@@ -216,8 +233,7 @@ def monodromy(
     state = replace(state, past=state.past.refined(history.span / ROWS))
     (rough, _), (here, events) = (after(np.zeros(size), by) for by in (even, problem))
     if not np.max(np.abs(rough - here) / scales) <= RESOLVED:
-        rtol = max(ACCURACY * settings.rtol, FINEST)
-        even, share = replace(problem, settings=replace(settings, rtol=rtol)), COARSE
+        even, share = sharper(problem), COARSE
     operator = np.empty((size, size))
     for i in range(size):
         step = np.zeros(size)

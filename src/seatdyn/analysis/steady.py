@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from seatdyn.analysis.approach import Approach, most_multiplier, sharper
 from seatdyn.analysis.energy import energy_balance
 from seatdyn.analysis.hysteretic import problem_for
 from seatdyn.analysis.linear import poles
@@ -58,11 +58,6 @@ NEWTON_STEPS = 6
 FINISH = Settings(rtol=1e-11, max_steps=MOST_STEPS)
 FAR = 1e2  # m, m/s: a run that ends there, for whatever reason, grows without bound
 STICKING_PERIODS = 200  # of time integration where harmonic balance cannot follow
-CREEPING = 0.5  # ratio of two changes above which what friction holds is led to where it creeps
-LED, AGREED = 0.5, 0.1  # share of the way left; how far two estimates of that may differ
-UNKNOWN = 8  # periods after which what creeps does so too slowly to tell how far
-JITTER = 1e-2  # change over one period, relative, that may be the error of the steps
-SHARPER, FINEST = 1e-2, 1e-12  # rtol in its place, as a share, and at least
 
 
 def steady_state(
@@ -294,12 +289,13 @@ class Orbit:
         multiplier: float = np.nan,
         periods: int = 0,
         order: int = 1,
+        multipliers: NDArray[np.complex128] | None = None,
     ) -> None:
         """Keep what was found."""
         self.status, self.period, self.run = status, period, run
         self.error, self.multiplier, self.periods = error, multiplier, periods
         self.residual, self.order = np.nan, order
-        self.multipliers: NDArray[np.complex128] | None = None
+        self.multipliers = multipliers
 
 
 def find_orbit(
@@ -321,21 +317,9 @@ def find_orbit(
         from seatdyn.analysis.delay_time import LateProblem
 
         assert isinstance(problem, LateProblem)
-        found = find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
-        late = Orbit(
-            found.status,
-            period,
-            found.run,
-            error=found.error,
-            multiplier=found.multiplier,
-            periods=found.periods,
-        )
-        late.multipliers = found.multipliers
-        return late
+        return find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
     state = problem.start(initial_state(problem, "rest")) if start is None else start
-    changes, moves = [np.nan], [np.nan]  # of the state, and of its displacements alone
-    # change still to come; of what creeps, when last known, and for how many periods it is
-    remaining, ahead, waited = np.inf, 0.0, 0
+    approach = Approach()
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)
     for count in range(1, max_periods + 1):
         run = problem.run(0.0, period, state)
@@ -349,25 +333,15 @@ def find_orbit(
             return Orbit(run.status, period, periods=count)
         scales = orbit_scales(problem, run)
         change = np.abs(run.end.y - state.y) / scales
-        changes.append(float(change.max()))
-        moves.append(float(change[: problem.system.linear.size].max()))
-        rate, pace = (last[-1] / last[-2] if last[-2] > 0.0 else 1.0 for last in (changes, moves))
-        slips = run.end.is_held and not run.rests
-        creeps = slips and CREEPING < pace < 1.0 and moves[-1] > problem.settings.rtol
-        left = _left(pace if creeps else rate, creeps=creeps)
-        expected = remaining - moves[-1]
-        remaining = left * (moves if creeps else changes)[-1]
-        waited += 1
-        unknown = ahead > 0.0 and waited > UNKNOWN
-        error = ahead / (1.0 - LED) if unknown else max(remaining, ahead)
-        if changes[-1] <= tolerance and (unknown or error <= tolerance):
+        approach.see(change, run)
+        if approach.is_over(tolerance):
             last = problem.run(0.0, period, run.end)
             return Orbit(
                 Status.CONVERGED,
                 period,
                 last,
-                error=max(error, changes[-1]),
-                multiplier=rate,
+                error=max(approach.error, approach.changes[-1]),
+                multiplier=approach.rate,
                 periods=count,
             )
         order = _repeats_after(past, run, tolerance, scales)
@@ -376,36 +350,20 @@ def find_orbit(
         past.append(state.y)
         # Newton costs as much as 2N periods: at once where it is exact, when the motion nearly
         # repeats itself, and now and then where it creeps
-        near = changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
+        near = approach.changes[-1] < CLOSE and count % (4 * run.end.y.size) in (0, 8)
         if (near or count % SELDOM == 0 or (linear and count == 1)) and not run.end.is_held:
             orbit = _newton(problem, period, run.end, tolerance, count)
             if orbit is not None:
                 return orbit
-        if count % SELDOM == 0 and max(changes[-SELDOM // 2 :]) < JITTER:
-            # so near and no nearer: what is left may be what the steps leave
-            sharper = replace(problem.settings, rtol=max(SHARPER * problem.settings.rtol, FINEST))
-            problem = replace(problem, settings=sharper)
-        if creeps and abs(remaining - expected) <= AGREED * remaining:
-            state = replace(run.end, y=run.end.y + LED * left * (run.end.y - state.y))
-            changes, moves = [np.nan], [np.nan]
-            remaining, ahead, waited = np.inf, (1.0 - LED) * remaining, 0
+        if approach.stalls():
+            problem = sharper(problem)
+        led = approach.lead()
+        if led:
+            y = run.end.y + led * (run.end.y - state.y)
+            state = replace(run.end, y=y) if run.end.is_held else problem.start(y)
         else:
             state = run.end
     return Orbit(Status.NO_PERIODIC_RESPONSE, period, periods=max_periods)
-
-
-def _left(rate: float, *, creeps: bool) -> float:
-    """What is left to go, in last changes, if every change is `rate` times the one before.
-
-    What dry friction holds for most of the period `creeps`: each slip is as the square of the way
-    left to where the seat would be held for ever, so that n periods leave 1/n of it.
-    """
-    if rate >= 1.0:
-        return np.inf
-    if creeps:
-        root = math.sqrt(rate)
-        return 1.0 / (root * (1.0 - root)) - 1.0
-    return rate / (1.0 - rate)
 
 
 def _repeats_after(past: deque[Array], run: Run, tolerance: float, scales: Array) -> int:
@@ -468,7 +426,7 @@ def _newton(
         if step and residual <= tolerance:
             multipliers = np.abs(np.linalg.eigvals(jacobian))
             multiplier = float(multipliers.max())
-            if stable and multiplier >= 1.0:
+            if stable and multiplier >= most_multiplier(run):
                 return None
             error = residual * max(1.0, 1.0 / max(np.abs(1.0 - multipliers).min(), 1e-300))
             if found is None or error < found.error:
