@@ -93,8 +93,8 @@ _MESSAGES = {
     Status.DIVERGED: "The motion grew beyond any bound.",
     Status.STEP_LIMIT: "The run was cut off at its largest number of steps. Shorten it, or raise "
     "`max_steps`.",
-    Status.STEP_TOO_SMALL: "The step size fell to the rounding of time: a force law is too steep "
-    "or jumps without saying where.",
+    Status.STEP_TOO_SMALL: "The step size fell to the rounding of time: a force law is too steep, "
+    "jumps without saying where, or gives no number (NaN).",
     Status.NOT_CONVERGED: "The iteration did not settle within the iterations allowed. Raise their "
     "number or the tolerance.",
     Status.INCONSISTENT: "The energy balance does not close: a force law jumps without saying "

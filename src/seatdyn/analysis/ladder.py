@@ -2,15 +2,18 @@
 
 Between two instants the linear part of a system is known exactly, and so is its answer to a lasting
 sine. Only the channel forces have to be approximated, and a base motion that is more than a few
-sines: by their quartics through the five Lobatto points of a step. With u(t) = sum_k u_k t^k/k! the
-augmented linear system
+sines: by their polynomials through the Lobatto points of a step. Over a step h the state is
 
-    y' = A y + G e_0 + H w,   e_0' = e_1,   ...,   e_4' = 0,   w' = Omega w
+    y(x h) = T(x) y(0) + W(x) u,   T(x) = exp(x h A),   W(x) = int_0^x exp((x - s) h A) G l(s) h ds
 
-carries the response to every coefficient and sine, so that one matrix exponential holds the state
-transition and all the input weights (Van Loan 1978, IEEE Trans. Autom. Control 23:395-404), and
-squaring it doubles the step. No eigenvectors are needed: defective and real modes are no special
-case.
+with u the values of the inputs at the points and l(s) their Lagrange polynomials. For a tiny step
+both are Taylor series; twice the step are two steps, the second from x h on, each with the values
+that the inputs have at its own points (S(x): from the values on twice the step to those on the
+step that begins at x h):
+
+    T'(x) = T(x) T(x),   W'(x) = T(x) W(x) S(0) + W(x) S(x).
+
+No eigenvectors are needed: defective and real modes are no special case.
 """
 
 from __future__ import annotations
@@ -21,121 +24,144 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.exponential import LEVELS, NODES, Ladder
+from seatdyn.kernels.exponential import LATER, LEVELS, NODES, PLACES, POINTS, QUARTERS, Ladder
 from seatdyn.kernels.plant import Plant
 from seatdyn.kernels.product import WIDTH
 
 Array = NDArray[np.float64]
-POINTS = NODES.size
-TAYLOR_TERMS = 14
+TERMS, SMALL = 16, 0.5  # of the series, and the norm of h A that they are enough for
 MOST_EXACT_SINES = 8  # each adds two rows to every matrix
+LATEST = POINTS - 6  # the last six Legendre coefficients tell how well a polynomial fits
+TO_LEGENDRE = np.linalg.inv(np.polynomial.legendre.legvander(2 * NODES - 1, LATER))
+LEGENDRE = np.polynomial.legendre.legvander(2 * NODES - 1, LATER)
 
-# from values at the nodes of a step of 1 to the coefficients u_k
-TO_MONOMIALS = np.linalg.inv(np.vander(NODES, increasing=True))
-FACTORIALS = np.array([math.factorial(k) for k in range(POINTS)], dtype=float)
-LEGENDRE = np.polynomial.legendre.legvander(2 * NODES - 1, POINTS - 1)
+
+def _values(places: Array, degree: int = LATER) -> Array:
+    """From values at the points of a step 0..1 to those at `places` (...), (..., 9)."""
+    polynomials = np.polynomial.legendre.legvander(2 * places - 1, degree)
+    found: Array = polynomials @ TO_LEGENDRE[: degree + 1]
+    return found
+
+
+def _moments() -> Array:
+    """Integrals of (x - s)^k / k! l(s) over 0 .. x, x the later places, (TERMS, 10, 9)."""
+    places, weights = np.polynomial.legendre.leggauss(TERMS)
+    x = PLACES[1:, None]
+    s, ds = 0.5 * x * (1 + places), 0.5 * x * weights
+    k = np.arange(TERMS)[:, None, None]
+    factorials = np.array([math.factorial(i) for i in range(TERMS)])[:, None, None]
+    weights = ds * (x - s) ** k / factorials
+    found: Array = np.einsum("kxs,xsq->kxq", weights, _values(s))
+    return found
+
+
+MOMENTS = _moments()
+POWERS = PLACES[1:] ** np.arange(TERMS)[:, None] / [[math.factorial(k)] for k in range(TERMS)]
+HALVES = _values(0.5 * (PLACES[1:, None] + NODES))  # S(x) of the later places
+FIRST_HALF = _values(0.5 * NODES)  # S(0)
 RATIOS = 2.0 ** np.arange(1, -LEVELS, -1)  # of the step to the one before
-ONWARD = np.vander((1 + RATIOS[:, None] * NODES[1:]).ravel(), POINTS, increasing=True)
+ONWARD_DEGREE = 4  # of what is carried on beyond its step: higher ones only carry on errors
+ONWARD = _values(1 + RATIOS[:, None] * NODES[1:], ONWARD_DEGREE).swapaxes(1, 2)
 
 
 def make_ladder(plant: Plant, longest: float) -> Ladder:
     """Propagators of `plant` for steps `longest` * 2**-(LEVELS-1) ... `longest` (s)."""
     n, m, sines = plant.linear.shape[0], plant.gain.shape[0], plant.sines.shape[0]
     exact = sines <= MOST_EXACT_SINES and not plant.segments[:, 1:8].any()
-    # what stands between the state and the inputs, and the inputs that are quartics
-    extra, inputs = (2 * sines, m) if exact else (0, m + 2)
-    first = 2 * n + extra
-    size = first + POINTS * inputs
-    a = np.zeros((size, size))
+    # what belongs to the state, and the inputs that are polynomials
+    size, inputs = (2 * n + 2 * sines, m) if exact else (2 * n, m + 2)
+    a, g = np.zeros((size, size)), np.zeros((size, inputs))
     a[:n, n : 2 * n] = np.eye(n)
     a[n : 2 * n, : 2 * n] = plant.linear[:, : 2 * n]
-    a[n : 2 * n, first : first + m] = -plant.pull
+    g[n : 2 * n, :m] = -plant.pull
     if exact:
-        sine = 2 * n + 2 * np.arange(sines)
-        omega = plant.sines[:, 1]
+        sine, omega = 2 * n + 2 * np.arange(sines), plant.sines[:, 1]
         a[n : 2 * n, sine] = plant.linear[:, [2 * n]]
         a[n : 2 * n, sine + 1] = plant.linear[:, [2 * n + 1]] * omega
         a[sine, sine + 1], a[sine + 1, sine] = omega, -omega
     else:
-        a[n : 2 * n, first + m : first + inputs] = plant.linear[:, 2 * n :]
-    shift = np.arange(first, size - inputs)
-    a[shift, shift + inputs] = 1.0
+        g[n : 2 * n, m:] = plant.linear[:, 2 * n :]
 
-    steps = longest * 2.0 ** np.arange(1 - LEVELS, 1)
-    transition = _exponential(NODES[1:, None, None] * (a * steps[0]))
-    tables = np.empty((LEVELS, POINTS - 1, 2 * n, size))
-    for level in range(LEVELS):
-        tables[level] = transition[:, : 2 * n]
-        transition = transition @ transition
+    steps = np.asarray(longest * 2.0 ** np.arange(1 - LEVELS, 1), dtype=float)
+    free, driven = _propagators(a, g, steps)
+    free, driven = free[:, :, : 2 * n], driven[:, :, : 2 * n]
+    force = driven[:, :, :, :m]
+    base = free[..., 2 * n :]
+    if not exact:
+        base = driven[:, :, :, m:].swapaxes(-1, -2).reshape(*free.shape[:3], -1)
+    parts = (free[..., : 2 * n], base, force[..., 0], force[..., 1:].reshape(*free.shape[:3], -1))
+    rows = np.concatenate(parts, axis=-1).swapaxes(-1, -2)  # (L, 10, R, 2N)
 
-    # from coefficients to nodal values, (L, 4, 2N, k, p) -> (L, 4, 2N, q, p)
-    per_step = (FACTORIALS[:, None] * TO_MONOMIALS) / (
-        steps[:, None, None] ** np.arange(POINTS)[:, None]
-    )
-    by_coefficient = tables[..., first:].reshape(LEVELS, POINTS - 1, 2 * n, POINTS, inputs)
-    by_node = per_step.swapaxes(1, 2)[:, None, None] @ by_coefficient
-    base = (
-        tables[..., 2 * n : first]
-        if exact
-        else by_node[..., m:].reshape(LEVELS, POINTS - 1, 2 * n, -1)
-    )
-    force = by_node[..., :m].reshape(LEVELS, POINTS - 1, 2 * n, -1)
-    # (L, 4, R, 2N)
-    rows = np.concatenate([tables[..., : 2 * n], base, force], axis=-1).swapaxes(-1, -2)
-
-    angle = steps[:, None, None] * NODES[:, None] * plant.sines[:, 1]
+    angle = steps[:, None, None] * PLACES[:, None] * plant.sines[:, 1]
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    driven = _base_at_nodes(plant, turn, rows.shape, exact)
+    everything = np.concatenate([rows, _base_at_places(plant, turn, rows.shape, exact)], axis=-1)
     across = np.zeros((2 * n + 2, 2 * m))
     for j in range(m):
         for node, sign in ((plant.channels[j, FIRST], -1.0), (plant.channels[j, SECOND], 1.0)):
-            across[node if node >= 0 else 2 * n, j] += sign
-            across[n + node if node >= 0 else 2 * n + 1, m + j] += sign
-    everything = np.concatenate([rows, driven], axis=-1)
-    relative = (everything @ across).swapaxes(1, 2).reshape(LEVELS, rows.shape[2], -1)
-    unknown = rows.shape[2] - (POINTS - 1) * m
+            across[node if node >= 0 else 2 * n, 2 * j] += sign
+            across[n + node if node >= 0 else 2 * n + 1, 2 * j + 1] += sign
+    relative = np.moveaxis(everything[:, :LATER] @ across, 1, -1)
+    relative = relative.reshape(LEVELS, rows.shape[2], -1)
+    unknown = rows.shape[2] - LATER * m
 
-    accelerations = everything @ plant.linear.T
-    for node in range(1, POINTS):
-        place = rows.shape[2] - (POINTS - node) * m
-        accelerations[:, node - 1, place : place + m] -= plant.pull.T
-    advance = np.concatenate(
-        [part[:, node] for node in (1, 3) for part in (rows, accelerations)], axis=-1
-    )
-    filling = np.zeros((*advance.shape[:2], -advance.shape[2] % WIDTH))
+    # states and accelerations, these with the force at their own place
+    advance = []
+    for place in QUARTERS[1:]:
+        acceleration = everything[:, place - 1] @ plant.linear.T
+        force_there = _values(PLACES[place : place + 1])[0]
+        for j in range(m):
+            pull = force_there[:, None] * plant.pull[:, j]
+            acceleration[:, unknown - m + j] -= pull[0]
+            acceleration[:, unknown + LATER * j : unknown + LATER * (j + 1)] -= pull[1:]
+        advance += [rows[:, place - 1], acceleration]
+    filling = np.zeros((LEVELS, rows.shape[2], -12 * n % WIDTH))
 
-    effects = [0, 3]
-    # from the coefficients to the end state, (L, 2N, k, p) -> (L, k, p, 2N)
-    response = np.moveaxis(LEGENDRE[:, effects].T @ by_node[:, -1], 1, -1)
+    to_legendre = np.zeros((POINTS, WIDTH))
+    to_legendre[:, : POINTS - LATEST] = TO_LEGENDRE[LATEST:].T
+    # to the end state from a constant, and from the polynomial that the ninth looks like
+    response = np.moveaxis(driven[:, LATER - 1] @ LEGENDRE[:, [0, LATER - 1]], (1, 2, 3), (3, 2, 1))
     return Ladder(
         step=steps,
         exact_sines=exact,
         turn=turn,
-        advance=np.concatenate([advance, filling], axis=-1),
+        advance=np.concatenate([*advance, filling], axis=-1),
         known=np.ascontiguousarray(relative[:, :unknown]),
         unknown=np.ascontiguousarray(relative[:, unknown:]),
-        onward=(ONWARD @ TO_MONOMIALS).reshape(RATIOS.size, POINTS - 1, POINTS),
-        to_legendre=np.ascontiguousarray(np.linalg.inv(LEGENDRE)[2:]),
+        onward=np.ascontiguousarray(ONWARD),
+        to_legendre=to_legendre,
         response=np.ascontiguousarray(np.abs(response)),
     )
 
 
-def _exponential(scaled: Array) -> Array:
-    """Matrix exponentials, by their series and squaring."""
-    halvings = max(0, math.ceil(math.log2(max(np.abs(scaled).sum(1).max(), 1e-300))))
-    scaled = scaled * 2.0**-halvings
-    power = np.broadcast_to(np.eye(scaled.shape[-1]), scaled.shape)
-    result = power.copy()
-    for k in range(1, TAYLOR_TERMS):
-        power = power @ scaled / k
-        result += power
-    for _ in range(halvings):
-        result = result @ result
-    return result
+def _propagators(a: Array, g: Array, steps: Array) -> tuple[Array, Array]:
+    """T (L, 10, s, s) and W (L, 10, s, inputs, 9) of y' = A y + G u for steps, each twice the last.
+
+    s = 2N, and the sine and cosine parts of sines.
+    """
+    size = g.shape[0]
+    smaller = max(0, math.ceil(math.log2(max(np.abs(a).sum(1).max() * steps[0] / SMALL, 1e-300))))
+    h = steps[0] * 0.5**smaller
+    powers = np.empty((TERMS, size, size))
+    powers[0] = np.eye(size)
+    for k in range(1, TERMS):
+        powers[k] = powers[k - 1] @ (h * a)
+    # T - 1, so that short steps keep their digits
+    change = np.tensordot(POWERS[1:], powers[1:], (0, 0))
+    driven = np.tensordot(powers @ (h * g), MOMENTS, (0, 0)).transpose(2, 0, 1, 3)
+    all_free = np.empty((steps.size, *change.shape))
+    all_driven = np.empty((steps.size, *driven.shape))
+    for level in range(-smaller, steps.size):
+        if level >= 0:
+            all_free[level], all_driven[level] = np.eye(size) + change, driven
+        first = driven @ FIRST_HALF
+        more = (change @ first.reshape(*change.shape[:2], -1)).reshape(driven.shape)
+        driven = first + more + driven @ HALVES[:, None]
+        change = 2 * change + change @ change
+    return all_free, all_driven
 
 
-def _base_at_nodes(plant: Plant, turn: Array, shape: tuple[int, ...], exact: bool) -> Array:
-    """From the row to displacement and velocity of the base at nodes 1-4, (L, 4, R, 2)."""
+def _base_at_places(plant: Plant, turn: Array, shape: tuple[int, ...], exact: bool) -> Array:
+    """From the row to displacement and velocity of the base at the later places, (L, 10, R, 2)."""
     result = np.zeros((*shape[:3], 2))
     first = 2 * plant.linear.shape[0]
     if exact:
@@ -145,7 +171,8 @@ def _base_at_nodes(plant: Plant, turn: Array, shape: tuple[int, ...], exact: boo
         result[:, :, places, 0], result[:, :, places + 1, 0] = cosine, sine
         result[:, :, places, 1], result[:, :, places + 1, 1] = -omega * sine, omega * cosine
     else:
-        for node in range(1, POINTS):
-            place = first + 2 * node
-            result[:, node - 1, place, 0] = result[:, node - 1, place + 1, 1] = 1.0
+        values = _values(PLACES[1:])
+        for point in range(POINTS):
+            row = first + 2 * point
+            result[:, :, row, 0] = result[:, :, row + 1, 1] = values[:, point]
     return result

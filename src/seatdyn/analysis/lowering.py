@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.errors import ModelError
-from seatdyn.kernels.jit import CompileNotice, law_address
+from seatdyn.kernels.jit import CompileNotice, lanes_law_address, law_address
 from seatdyn.kernels.plant import Plant
 from seatdyn.model.elements import NonlinearElement
 from seatdyn.model.excitation import Motion
@@ -24,12 +24,14 @@ def lower(
     delays: bool = False,
     memory: bool = False,
     address: Callable[..., int] = law_address,
+    lanes: bool = False,
 ) -> Plant:
     """Arrays of a system under a base motion.
 
     With `delays` the caller adds delayed forces himself: linear ones are left out, and all
     channels are listed as if they acted at once. With `memory` the caller adds elements with states
-    of their own himself. `address` compiles a law.
+    of their own himself. `address` compiles a law; with `lanes` it is compiled for many points at
+    once, too.
 
     Raises
     ------
@@ -91,11 +93,15 @@ def lower(
         ),
         elements=np.array(
             [
-                (address(law.function, name), offset)
+                (
+                    address(law.function, name),
+                    offset,
+                    lanes_law_address(law.function, name) if lanes else 0,
+                )
                 for law, offset, name in zip(flat, offsets, names, strict=True)
             ],
             dtype=np.int64,
-        ).reshape(-1, 2),
+        ).reshape(-1, 3),
         parameters=np.array([*parameters, 0.0]),
         breaks=np.array(
             [(spot.displacement, spot.velocity, spot.value, spot.jumps) for spot in rows],

@@ -17,9 +17,10 @@ from seatdyn.analysis.ladder import make_ladder
 from seatdyn.analysis.lowering import lower
 from seatdyn.errors import RequestError, Status
 from seatdyn.kernels import dense, integrate
-from seatdyn.kernels.exponential import Ladder
-from seatdyn.kernels.jit import CompileNotice
-from seatdyn.kernels.plant import FREE, Plant
+from seatdyn.kernels.address import placed
+from seatdyn.kernels.exponential import AT_LADDER, Ladder
+from seatdyn.kernels.jit import notice_for
+from seatdyn.kernels.plant import AT_PLANT, FREE, Plant
 from seatdyn.kernels.together import compile_together
 from seatdyn.model.excitation import Motion
 from seatdyn.model.system import SeatSystem
@@ -28,9 +29,9 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("seatdyn")
 
 LONGEST_LADDER_STEP = 0.1  # s
-# times that, with the linear part exact: half a period of the input, or a quarter where breaks of
-# laws are looked for, between the ends of each half of a step
-LADDER_REACH, REACH_WITH_BREAKS = 4, 2
+# times that, with the linear part exact: a period of the input, or half of it where breaks of laws
+# are looked for
+LADDER_REACH, REACH_WITH_BREAKS = 8, 4
 MOST_SEGMENTS = 16  # of an input that the ladder is used for
 PIECE = 30.0  # s of a long run between two reports of progress
 SHARE_OF_INPUT = 1e-2  # of the input's size: motions below it need no relative accuracy
@@ -152,7 +153,7 @@ class Run:
 
     def states(self, time: Array) -> Array:
         """Displacements and velocities (p, 2N) alone at these times (s): far cheaper than `at`."""
-        with CompileNotice():
+        with notice_for(dense.states):
             found: Array = dense.states(self.record, self.marks, np.asarray(time, dtype=float))
         return found
 
@@ -166,7 +167,7 @@ class Run:
         plant = self.problem.plant
         share = np.ascontiguousarray(share, dtype=float)
         index = np.ascontiguousarray(index, dtype=np.int64)
-        with CompileNotice():
+        with notice_for(dense.sample):
             return Samples(*dense.sample(plant, self.record, self.marks, index, share))
 
 
@@ -188,7 +189,7 @@ class Problem:
             from seatdyn.analysis.delay_time import LateProblem
 
             return LateProblem.make(system, motion, settings)
-        plant = lower(system, motion)
+        plant = lower(system, motion, lanes=_takes_ladder_steps(motion, settings))
         longest = min(motion.longest_step, LONGEST_LADDER_STEP)
         reach = REACH_WITH_BREAKS if plant.breaks.size else LADDER_REACH
         ladder = make_ladder(plant, reach * longest)
@@ -197,7 +198,16 @@ class Problem:
     @property
     def uses_ladder(self) -> bool:
         """Whether steps with the linear part exact are taken."""
-        return self.settings.method == "ladder" and self.motion.starts.size <= MOST_SEGMENTS
+        return _takes_ladder_steps(self.motion, self.settings)
+
+    @cached_property
+    def _placed(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Plant and ladder for the kernel; they live as long as this object."""
+        return placed(self.plant, AT_PLANT), placed(self.ladder, AT_LADDER)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy gets: not the places of our own arrays."""
+        return {name: value for name, value in self.__dict__.items() if name != "_placed"}
 
     @cached_property
     def floor(self) -> tuple[float, float]:
@@ -213,7 +223,7 @@ class Problem:
         """Sizes of the elements' own states below which errors are absolute; here none has any."""
         return np.zeros(0)
 
-    @property
+    @cached_property
     def stick_speed(self) -> float:
         """Speed in m/s below which a channel may be held at a jump of its force."""
         base = self.motion.scale[1]
@@ -245,11 +255,10 @@ class Problem:
         events, steps, state = 0, 0, start
         code, scale, n = integrate.OK, self.floor, self.system.linear.size
         for begin, stop in pairwise(times):
-            with CompileNotice(), interruptible():
+            with notice_for(integrate.integrate), interruptible():
                 compile_together(integrate.__name__)
                 code, count, side, held, record, mark = integrate.integrate(
-                    self.plant,
-                    self.ladder,
+                    *self._placed,
                     self.uses_ladder,
                     begin,
                     stop,
@@ -276,6 +285,11 @@ class Problem:
             if progress is not None:
                 progress((stop - t0) / (t1 - t0))
         return Run(self, STATUS[code], events, _joined(records), _joined(marks), state)
+
+
+def _takes_ladder_steps(motion: Motion, settings: Settings) -> bool:
+    """Whether steps with the linear part exact are asked for and the input leaves room for them."""
+    return settings.method == "ladder" and motion.starts.size <= MOST_SEGMENTS
 
 
 def _joined(pieces: list[NDArray[Any]]) -> NDArray[Any]:

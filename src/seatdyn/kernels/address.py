@@ -7,8 +7,11 @@ its fields read as those of the tuple.
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import typeof, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.typing.templates import AttributeTemplate
@@ -73,3 +76,35 @@ def keep(typingctx, named):
         return ir.Constant(ir.IntType(1), 0)
 
     return types.boolean(named), codegen
+
+
+def placed(named: Any, kind: Address) -> np.ndarray:  # type: ignore[type-arg]
+    """Lay a named tuple of arrays and numbers out as compiled code does, without who owns them.
+
+    A kernel that is handed this instead of the tuple does not look at every array again (`at`).
+    The arrays have to outlive it.
+    """
+    if typeof(named) != kind.pointee:
+        raise TypeError(f"{typeof(named)} is not {kind.pointee}")
+    words: list[int] = []
+    for field in named:
+        if isinstance(field, np.ndarray):
+            words += [0, 0, field.size, field.itemsize, field.ctypes.data]
+            words += [*field.shape, *field.strides]
+        else:
+            words.append(int(field))
+    return np.array(words, dtype=np.int64)
+
+
+def at(kind: Address) -> Any:
+    """Make the function that gives the address of a tuple that was `placed`."""
+
+    @intrinsic
+    def address_in(typingctx, words):
+        def codegen(context, builder, sig, args):
+            data = context.make_array(sig.args[0])(context, builder, args[0]).data
+            return builder.bitcast(data, context.get_value_type(kind))
+
+        return kind(words), codegen
+
+    return address_in

@@ -92,15 +92,15 @@ def slope(c, u):
 
 
 @inner
-def state_within(k, u, path, y):
-    """State at u = -1 .. 1 of a step of two halves k; `path` (3, 3N) as in a `Work`."""
+def state_within(k, u, path, first, y):
+    """State at u = -1 .. 1 of two quarters k of a step from number `first`; see `Work.path`."""
     n = path.shape[1] // 3
+    start, middle, end = path[first], path[first + 1], path[first + 2]
     for q in range(n):
         v, a = n + q, 2 * n + q
         c = octic(
-            k, path[0, q], path[0, v], path[0, a], path[1, q], path[1, v], path[1, a], path[2, q],
-            path[2, v], path[2, a],
-        )  # fmt: skip
+            k, start[q], start[v], start[a], middle[q], middle[v], middle[a], end[q], end[v], end[a]
+        )
         y[q], y[v] = value(c, u), slope(c, u) / k
 
 

@@ -24,12 +24,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from seatdyn.kernels.call import add_forces
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
 from seatdyn.kernels.jit import inlined, inner, kernel
 from seatdyn.kernels.lanes import (
     LANES,
     MOMENTS,
-    add_force,
     gather_extremes,
     gather_products,
     multiply,
@@ -65,7 +65,10 @@ def channel_forces(march, motion, table, at):
             table[at + j, lane] = 0.0
         for e in range(march.channels[j, ELEMENTS], march.channels[j + 1, ELEMENTS]):
             address, offset = march.elements[e, ADDRESS], march.elements[e, OFFSET]
-            add_force(address, motion, j, m + j, march.parameters, offset, table, at + j)
+            add_forces(
+                address, LANES, motion, j * LANES, (m + j) * LANES, march.parameters, offset, table,
+                (at + j) * LANES,
+            )  # fmt: skip
 
 
 @inlined

@@ -1,4 +1,8 @@
-"""One step with the linear part exact: collocation of the channel forces at Lobatto points."""
+"""One step with the linear part exact: collocation of the channel forces at Lobatto points.
+
+The forces of a channel at the points behind the first fill a register, so that products and laws
+work on all of them at once.
+"""
 
 from __future__ import annotations
 
@@ -8,56 +12,89 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from seatdyn.kernels.address import Address
+from seatdyn.kernels.address import Address, at
+from seatdyn.kernels.call import add_forces
+from seatdyn.kernels.columns import (
+    BREAKS,
+    ELEMENTS,
+    IS_JUMP,
+    LANES_ADDRESS,
+    OFFSET,
+    ON_DISPLACEMENT,
+    ON_VELOCITY,
+    VALUE,
+)
 from seatdyn.kernels.jit import allocating_stage, inlined, stage, takes
-from seatdyn.kernels.plant import AT_PLANT, channel_force, segment_motion
+from seatdyn.kernels.plant import AT_PLANT, reflection, segment_motion
 from seatdyn.kernels.product import add_product
+from seatdyn.kernels.rows import (
+    WIDTH,
+    any_larger,
+    largest_of,
+    load,
+    member_of,
+    spread,
+    store,
+    sum_of,
+    where_larger,
+)
 from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGERS, REAL, STACK, TABLE, VECTOR
 
-LEVELS = 16  # step sizes of the ladder, each twice the one before
-NODES = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
+LEVELS = 17  # step sizes of the ladder, each twice the one before
+LATER = WIDTH  # Lobatto points of a step behind its start
+POINTS = LATER + 1
+NODES = 0.5 + 0.5 * np.array(
+    [-1.0, *np.sort(np.polynomial.legendre.Legendre.basis(LATER).deriv().roots()), 1.0]
+)
+PLACES = np.array([*NODES, 0.25, 0.75])  # where the base motion is known
+QUARTERS = np.array([0, POINTS, LATER // 2, POINTS + 1, LATER])  # those at 0, 1/4, 1/2, 3/4, 1
 ITERATIONS = 12
 SMALL_CHANGE = 0.1  # of the tolerance, the effect of a change of the forces that is small
 FIRST_CHANGE = 0.02  # of the tolerance: small enough to accept without knowing the ratio
 ROUNDING = 4e-16
+UNKNOWN = -1  # level of what says nothing about the forces to come
 
 
 class Ladder(NamedTuple):
-    """Propagators for L step sizes, N nodes, m channels.
+    """Propagators for L step sizes, m channels.
 
     A step starts from one row of R numbers: the state (2N); the base motion; the channel forces
-    at node 0 (m), at node 1 (m), ..., at node 4. The base motion is either the sine and cosine
-    part of each lasting sine (`exact_sines`), or displacement and velocity at the five nodes.
-    Each matrix takes the row to what is needed.
+    at the start (m); those of the first channel at the later points (8), of the second, ... The
+    base motion is either the sine and cosine part of each lasting sine (`exact_sines`), or
+    displacement and velocity at all points. Each matrix takes the row to what is needed.
     """
 
     step: np.ndarray  # (L,) s
     exact_sines: bool
-    turn: np.ndarray  # (L, 5, k, 2) cosine and sine of the angle of each lasting sine to the nodes
-    advance: np.ndarray  # (L, R, >= 6N) to state and acceleration at the middle, and at the end
-    known: np.ndarray  # (L, R - 4m, 8m) to motions across channels at node 1: d, v; node 2: ...
-    unknown: np.ndarray  # (L, 4m, 8m) the same from the forces at nodes 1-4
-    onward: np.ndarray  # (L + 1, 4, 5) forces of a step to those of the next: of 2h, h, h/2 ...
-    to_legendre: np.ndarray  # (3, 5) second to fourth Legendre coefficient of nodal values
-    response: np.ndarray  # (L, 2, inputs, 2N) |end state| per unit of a constant, and of the third
+    turn: np.ndarray  # (L, 11, k, 2) cosine and sine of the angle of each lasting sine to PLACES
+    advance: np.ndarray  # (L, R, >= 12N) to state and acceleration at 1/4, 1/2, 3/4 and the end
+    known: np.ndarray  # (L, R - 8m, 16m) to d at the later points, v there; of the next channel ...
+    unknown: np.ndarray  # (L, 8m, 16m) the same from the forces at the later points
+    onward: np.ndarray  # (L + 1, 9, 8) forces of a step to those of the next: of 2h, h, h/2 ...
+    to_legendre: np.ndarray  # (9, 8) from values at the points to the last six coefficients
+    response: np.ndarray  # (L, 2, inputs, 2N) |end state| per unit of a constant, and of the eighth
 
 
 class Work(NamedTuple):
     """Where a run is and what it carries from step to step, and scratch of a ladder step."""
 
-    path: np.ndarray  # (3, 3N) state and acceleration at the start of a step, its middle, its end
-    result: np.ndarray  # (>= 6N,) the same memory from the middle on
+    path: np.ndarray  # (5, 3N) state and acceleration at the start of a step and its quarters
+    result: np.ndarray  # (>= 12N,) the same memory from the first quarter on
     force: np.ndarray  # (m,) channel forces at the start
     side: np.ndarray  # (b,) of every break
     held: np.ndarray  # (m,) break that a channel rests on
     row: np.ndarray  # (R,)
-    base: np.ndarray  # (5, 3) base displacement, velocity, acceleration at the nodes
-    before: np.ndarray  # (5, m) nodal forces of the step before
-    weight: np.ndarray  # (4m,) 1/N, one over the change of a nodal force that is small
-    known: np.ndarray  # (8m,)
-    motion: np.ndarray  # (8m,)
-    past: np.ndarray  # (3, 4m)
-    sizes: np.ndarray  # (2, inputs) of what a constant and a third polynomial stand for
+    later: np.ndarray  # (m, 8) the same memory as the end of the row: forces at the later points
+    base: np.ndarray  # (11, 3) base displacement, velocity, acceleration at PLACES
+    before: np.ndarray  # (m, 9) forces at the points of the step before
+    memory: np.ndarray  # (2b m, 8) later forces of the last steps that began on a break
+    memory_level: np.ndarray  # (2b,) the levels of those steps
+    weight: np.ndarray  # (m,) 1/N, one over the change of a force that is small
+    known: np.ndarray  # (2m, 8)
+    motion: np.ndarray  # (2m, 8) d and v across the channels at the later points
+    past: np.ndarray  # (3m, 8) new forces, those of the iteration before, change over what is small
+    beyond: np.ndarray  # (2, 8) b and s of `plant.reflection` at the later points
+    sizes: np.ndarray  # (2, inputs) of what a constant and an eighth polynomial stand for
     spare: np.ndarray  # (2, 3N) two more states and accelerations
     six: np.ndarray  # (6,)
 
@@ -67,12 +104,13 @@ LADDER = types.NamedTuple(
 )
 WORK = types.NamedTuple(
     [
-        TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, VECTOR, VECTOR, VECTOR,
-        TABLE, TABLE, TABLE, VECTOR,
+        TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
+        VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR,
     ],
     Work,
 )  # fmt: skip
 AT_LADDER, AT_WORK = Address(LADDER), Address(WORK)
+ladder_at = at(AT_LADDER)
 
 
 @takes(AT_LADDER, VECTOR, INTEGERS, INTEGERS)
@@ -80,21 +118,25 @@ AT_LADDER, AT_WORK = Address(LADDER), Address(WORK)
 def make_work(ladder, y, side, held):
     """Arrays for a run from state y that takes the steps of a ladder."""
     m, n3, columns = held.size, 3 * y.size // 2, ladder.advance.shape[2]
-    path = np.zeros(n3 + columns)
+    path, row = np.zeros(n3 + columns), np.zeros(ladder.advance.shape[1])
     path[: y.size] = y
     return Work(
-        path[: 3 * n3].reshape(3, n3),
+        path[: 5 * n3].reshape(5, n3),
         path[n3:],
         np.zeros(m),
         side.copy(),
         held.copy(),
-        np.zeros(ladder.advance.shape[1]),
-        np.zeros((5, 3)),
-        np.zeros((5, m)),
-        np.zeros(4 * m),
-        np.zeros(8 * m),
-        np.zeros(8 * m),
-        np.zeros((3, 4 * m)),
+        row,
+        row[row.size - LATER * m :].reshape(m, LATER),
+        np.zeros((PLACES.size, 3)),
+        np.zeros((m, POINTS)),
+        np.zeros((2 * side.size * m, LATER)),
+        np.full(2 * side.size, UNKNOWN),
+        np.zeros(m),
+        np.zeros((2 * m, LATER)),
+        np.zeros((2 * m, LATER)),
+        np.zeros((3 * m, LATER)),
+        np.zeros((2, LATER)),
         np.zeros((2, ladder.response.shape[2])),
         np.zeros((2, n3)),
         np.zeros(6),
@@ -103,122 +145,166 @@ def make_work(ladder, y, side, held):
 
 @inlined
 def place_base(plant, ladder, level, t, segment, work):
-    """Write the base motion into the row, and (x, v, a) at nodes 0, 2, 4 into `base`."""
+    """Write the base motion into the row, and (x, v, a) where they are needed into `base`."""
     row, base, sines, turn = work.row, work.base, plant.sines, ladder.turn
     first = 2 * plant.linear.shape[0]
     exact = ladder.exact_sines
-    stride = 2 if exact else 1
-    for q in range(0, 5, stride):
+    count = PLACES.size
+    if exact:  # the row needs no points; breaks are looked for between the quarters
+        count = QUARTERS.size if work.side.size > 0 else 0
+    for i in range(count):
+        q = QUARTERS[i] if exact else i
         base[q, 0] = base[q, 1] = base[q, 2] = 0.0
         if not exact:
-            at = t + NODES[q] * ladder.step[level]
+            at = t + PLACES[q] * ladder.step[level]
             base[q, 0], base[q, 1], base[q, 2] = segment_motion(plant, at, segment)
     for i in range(sines.shape[0]):
         omega, angle = sines[i, 1], sines[i, 1] * t + sines[i, 2]
         sine, cosine = sines[i, 0] * math.sin(angle), sines[i, 0] * math.cos(angle)
         if exact:
             row[first + 2 * i], row[first + 2 * i + 1] = sine, cosine
-        for q in range(0, 5, stride):
+        for k in range(count):
+            q = QUARTERS[k] if exact else k
             c, s = turn[level, q, i, 0], turn[level, q, i, 1]
             x = sine * c + cosine * s
             base[q, 0] += x
             base[q, 1] += omega * (cosine * c - sine * s)
             base[q, 2] -= omega * omega * x
     if not exact:
-        for q in range(5):
+        for q in range(POINTS):
             row[first + 2 * q], row[first + 2 * q + 1] = base[q, 0], base[q, 1]
 
 
 @inlined
-def guess_forces(plant, ladder, level, level_before, z_tolerance, v_tolerance, work):
-    """First guess of the nodal forces in the row, and the changes that count as small."""
-    row, force0, before, weight = work.row, work.force, work.before, work.weight
-    m = force0.size
-    place = row.size - 5 * m
-    h = ladder.step[level]
+def guess_forces(plant, ladder, level, level_before, origin, z_tolerance, v_tolerance, work):
+    """First guess of the later forces, and the changes that count as small."""
+    row, force0, before, later = work.row, work.force, work.before, work.later
+    m, h = force0.size, ladder.step[level]
+    place = row.size - POINTS * m
+    small = SMALL_CHANGE * min(2 * z_tolerance / h, v_tolerance)
+    remembered = origin >= 0 and work.memory_level[origin] == level
     for j in range(m):
         row[place + j] = force0[j]
-        for i in range(1, 5):
-            guess = force0[j]
-            if level_before >= 0:
-                guess = 0.0
-                for q in range(5):
-                    guess += ladder.onward[level_before - level + 1, i - 1, q] * before[q, j]
-            row[place + i * m + j] = guess
-        small = SMALL_CHANGE * min(2 * z_tolerance / h, v_tolerance)
-        for i in range(4):
-            weight[i * m + j] = plant.gain[j, j] * h / small
+        work.weight[j] = plant.gain[j, j] * h / small
+        guess = spread(force0[j])
+        if level_before >= 0:
+            guess = spread(0.0)
+            first = (level_before - level + 1) * POINTS
+            for q in range(POINTS):
+                guess = guess + before[j, q] * load(ladder.onward, first + q)
+        elif remembered:
+            guess = load(work.memory, origin * m + j)
+        store(later, j, guess)
+
+
+@inlined
+def is_beyond(plant, j, work):
+    """Whether channel j is beyond one of its breaks, or on a jump, at some later point."""
+    d, v, side = load(work.motion, 2 * j), load(work.motion, 2 * j + 1), work.side
+    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+        p, q = side[r] * plant.breaks[r, ON_DISPLACEMENT], side[r] * plant.breaks[r, ON_VELOCITY]
+        limit = side[r] * plant.breaks[r, VALUE]
+        if plant.breaks[r, IS_JUMP] == 1:
+            limit = np.nextafter(limit, np.inf)
+        if any_larger(limit, p * d + q * v):
+            return True
+    return False
+
+
+@inlined
+def later_forces(plant, j, work):
+    """New forces of channel j at the later points, from the motion there."""
+    elements, motion, new, beyond = plant.elements, work.motion, work.past, work.beyond
+    outside = is_beyond(plant, j, work)
+    if outside:
+        for i in range(LATER):
+            beyond[0, i], beyond[1, i], motion[2 * j, i], motion[2 * j + 1, i] = reflection(
+                plant, j, motion[2 * j, i], motion[2 * j + 1, i], work.side
+            )
+    store(new, j, 0.0)
+    place = 2 * j * LATER
+    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
+        address, offset = elements[e, LANES_ADDRESS], elements[e, OFFSET]
+        add_forces(
+            address, LATER, motion, place, place + LATER, plant.parameters, offset, new, j * LATER
+        )
+    if outside:
+        store(new, j, load(beyond, 0) + load(beyond, 1) * load(new, j))
 
 
 @inlined
 def collocate(plant, ladder, level, work):
-    """Iterate the channel forces at nodes 1-4 in the row until they repeat.
+    """Iterate the channel forces at the later points until they repeat.
 
     Fixed-point iteration, each new value mixed with the one before so that the last two changes
     cancel best (Anderson 1965, J. ACM 12:547-560, depth one). Returns the number of iterations,
     0 where they do not repeat soon enough.
     """
-    known, motion, side, weight = work.known, work.motion, work.side, work.weight
+    row, known, motion, past, later = work.row, work.known, work.motion, work.past, work.later
     m = work.force.size
-    force = work.row[work.row.size - 4 * m :]
-    new, new_before, sizes = work.past[0], work.past[1], work.past[2]
+    place, first = row.size - LATER * m, 2 * m * LATER * m * level
     before = np.inf
     for iteration in range(1, ITERATIONS + 1):
-        for q in range(motion.size):
-            motion[q] = known[q]
-        add_product(force, ladder.unknown, level, motion)
-        for i in range(4):
-            for j in range(m):
-                o = 2 * m * i + j
-                new[m * i + j] = channel_force(plant, j, motion[o], motion[o + m], side)
-        change = up = down = 0.0
-        for q in range(force.size):
-            size = weight[q] * (new[q] - force[q])
-            turn = size - sizes[q]
-            up += size * turn
-            down += turn * turn
-            change = max(change, abs(size))
-            sizes[q] = size
+        for c in range(2 * m):
+            total = load(known, c)
+            for q in range(LATER * m):
+                total = total + row[place + q] * load(ladder.unknown, first + 2 * m * q + c)
+            store(motion, c, total)
+        squares, up, down = spread(0.0), spread(0.0), spread(0.0)
+        for j in range(m):
+            later_forces(plant, j, work)
+            size = work.weight[j] * (load(past, j) - load(later, j))
+            turn = size - load(past, 2 * m + j)
+            up = up + size * turn
+            down = down + turn * turn
+            squares = where_larger(size * size, squares, size * size, squares)
+            store(past, 2 * m + j, size)
         # small, and so is what is still to come if the changes go on falling by the same ratio
-        done = change <= FIRST_CHANGE or (change <= 1.0 and 2.0 * change <= before)
-        if not done and iteration > 2:
-            fall = change / before
-            if change * fall ** (ITERATIONS - iteration) > 1.0:
-                return 0
-        mix = up / down if iteration > 1 and down > 0.0 and not done else 0.0
-        for q in range(force.size):
-            force[q] = new[q] - mix * (new[q] - new_before[q])
-            new_before[q] = new[q]
-        if done:
+        square = largest_of(squares)
+        if square <= FIRST_CHANGE**2 or (square <= 1.0 and 4.0 * square <= before**2):
+            for j in range(m):
+                store(later, j, load(past, j))
             return iteration
+        change = math.sqrt(square)
+        if iteration > 2 and change * (change / before) ** (ITERATIONS - iteration) > 1.0:
+            return 0
+        bottom = sum_of(down) if iteration > 1 else 0.0
+        mix = sum_of(up) / bottom if bottom > 0.0 else 0.0
+        for j in range(m):
+            new = load(past, j)
+            store(later, j, new - mix * (new - load(past, m + j)))
+            store(past, m + j, new)
         before = change
     return 0
 
 
 @inlined
 def truncation(ladder, level, z_tolerance, v_tolerance, work):
-    """Error by what the quartics miss of the inputs, over its tolerance.
+    """Error by what the polynomials through the points miss of the inputs, over its tolerance.
 
-    The Legendre coefficients of an input fall by about a ratio r each, c5 = r c4 and so on. At the
-    Lobatto points the fifth polynomial looks like the third, and the eighth like a constant, which
-    has the full effect on the end state: r c4 R3 + r^4 c4 R0. For smooth laws r is small; at a
-    corner it is near one. Where c4 is small by chance, r c3 stands for it.
+    The Legendre coefficients of an input fall by about a ratio r each; r^2 is the larger ratio of
+    c5, c6 to c3, c4 and of c7, c8 to c5, c6, since odd or even ones may be missing. c is c8, or
+    what one of the three before makes expect. At the Lobatto points the ninth polynomial looks like
+    the seventh, and the sixteenth like a constant, which has the full effect on the end state:
+    r c R7 + r^8 c R0. For smooth laws r is small; at a corner it is near one.
     """
-    row, sizes, response, legendre = work.row, work.sizes, ladder.response, ladder.to_legendre
+    row, sizes, response = work.row, work.sizes, ladder.response
     m, inputs, n2 = work.force.size, response.shape[2], response.shape[3]
     for j in range(inputs):
         # the channel forces stand last in the row; before them the base motion, if it is sampled
-        place, stride = (row.size - 5 * m + j, m) if j < m else (n2 + j - m, 2)
-        c2 = c3 = c4 = 0.0
-        for q in range(5):
-            value = row[place + q * stride]
-            c2 += legendre[0, q] * value
-            c3 += legendre[1, q] * value
-            c4 += legendre[2, q] * value
-        c2, c3, c4 = max(abs(c2), 1e-300), max(abs(c3), 1e-300), abs(c4)
-        r = min(1.0, max(c3 / c2, c4 / c3))
-        sizes[1, j] = r * max(c4, r * c3)
-        sizes[0, j] = r**3 * sizes[1, j]
+        start = work.force[j] if j < m else row[n2 + j - m]
+        place, stride = (row.size - LATER * (m - j), 1) if j < m else (n2 + j - m + 2, 2)
+        total = start * load(ladder.to_legendre, 0)
+        for q in range(LATER):
+            total = total + row[place + stride * q] * load(ladder.to_legendre, 1 + q)
+        c5, c6 = abs(member_of(total, 2)), abs(member_of(total, 3))
+        c7, c8 = abs(member_of(total, 4)), abs(member_of(total, 5))
+        first = max(abs(member_of(total, 0)), abs(member_of(total, 1)), 1e-300)
+        second = max(c5, c6, 1e-300)
+        r = math.sqrt(min(1.0, max(second / first, max(c7, c8) / second)))
+        last = max(c8, r * c7, r**2 * c6, r**3 * c5)
+        sizes[1, j] = r * last
+        sizes[0, j] = r**8 * last
     worst, per_z, per_v = 0.0, 1.0 / z_tolerance, 1.0 / v_tolerance
     for i in range(n2):
         error = 0.0
@@ -229,14 +315,14 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
 
 
 @inlined
-def interpolation_error(h, path, z_tolerance, v_tolerance):
-    """Error of the polynomial of degree eight that is kept for the step, over its tolerance.
+def interpolation_error(h, path, first, z_tolerance, v_tolerance):
+    """Error of the polynomial of degree eight kept for half of a step, over its tolerance.
 
-    With u = -1 .. 1 over the step, it is the quintic through both ends plus what the middle adds,
+    With u = -1 .. 1 over the half, it is the quintic through both ends plus what the middle adds,
     (1 - u^2)^3 (c0 + c1 u + c2 u^2). What is left out begins with c3 u^3, c3 about c1 c2/c0.
     """
-    n, k = path.shape[1] // 3, 0.5 * h
-    start, middle, end = path[0], path[1], path[2]
+    n, k = path.shape[1] // 3, 0.25 * h
+    start, middle, end = path[first], path[first + 1], path[first + 2]
     c0 = c1 = c2 = 1e-300
     for i in range(n):
         z0, v0, a0 = start[i], k * start[n + i], k * k * start[2 * n + i]
@@ -251,14 +337,17 @@ def interpolation_error(h, path, z_tolerance, v_tolerance):
     return c3 * max(0.057 / z_tolerance, 0.18 / (k * v_tolerance))
 
 
-@takes(AT_PLANT, AT_LADDER, INTEGER, INTEGER, REAL, INTEGER, REAL, REAL, AT_WORK)
+@takes(AT_PLANT, AT_LADDER, INTEGER, INTEGER, INTEGER, REAL, INTEGER, REAL, REAL, AT_WORK)
 @stage
-def ladder_step(plant, ladder, level, level_before, t, segment, z_tolerance, v_tolerance, work):
+def ladder_step(
+    plant, ladder, level, level_before, origin, t, segment, z_tolerance, v_tolerance, work
+):
     """Try a step of the size of `level`; the outcome stands in `work`.
 
     `level_before` is that of the ladder step just before, or -1 where its forces say nothing about
-    this one. Returns the number of iterations of the forces (0: they did not repeat), the
-    truncation error and the interpolation error, both over their tolerance.
+    this one; `origin` the place in the memory of a step that begins on a break, or -1. Returns the
+    number of iterations of the forces (0: they did not repeat), the truncation error and the
+    interpolation error, both over their tolerance.
     """
     row, path, known, result = work.row, work.path, work.known, work.result
     for i in range(2 * path.shape[1] // 3):
@@ -266,9 +355,9 @@ def ladder_step(plant, ladder, level, level_before, t, segment, z_tolerance, v_t
     place_base(plant, ladder, level, t, segment, work)
     iterations = 1
     if work.force.size > 0:
-        guess_forces(plant, ladder, level, level_before, z_tolerance, v_tolerance, work)
-        for q in range(known.size):
-            known[q] = 0.0
+        guess_forces(plant, ladder, level, level_before, origin, z_tolerance, v_tolerance, work)
+        for c in range(known.shape[0]):
+            store(known, c, 0.0)
         add_product(row, ladder.known, level, known)
         iterations = collocate(plant, ladder, level, work)
         if iterations == 0:
@@ -276,20 +365,37 @@ def ladder_step(plant, ladder, level, level_before, t, segment, z_tolerance, v_t
     for q in range(result.size):
         result[q] = 0.0
     add_product(row, ladder.advance, level, result)
+    total = 0.0
+    for i in range(2 * path.shape[1] // 3):
+        total += path[4, i]
+    if not abs(total) < np.inf:  # a law gave no number
+        return 0, np.inf, np.inf
     error = truncation(ladder, level, z_tolerance, v_tolerance, work)
-    gap = interpolation_error(ladder.step[level], path, z_tolerance, v_tolerance)
+    gap = 0.0
+    for first in range(0, 4, 2):
+        gap = max(
+            gap, interpolation_error(ladder.step[level], path, first, z_tolerance, v_tolerance)
+        )
     return iterations, error, gap
+
+
+@takes(INTEGER, INTEGER, AT_WORK)
+@stage
+def remember(level, origin, work):
+    """Keep the forces of a step that began on a break: a periodic motion comes back to it."""
+    m = work.force.size
+    for j in range(m):
+        store(work.memory, origin * m + j, load(work.later, j))
+    work.memory_level[origin] = level
 
 
 @takes(AT_WORK)
 @stage
 def keep_forces(work):
-    """After an accepted step: its nodal forces for the next guess, its last one as start."""
-    before, row = work.before, work.row
-    m = work.force.size
-    first = row.size - 5 * m
-    for q in range(5):
-        for j in range(m):
-            before[q, j] = row[first + q * m + j]
-    for j in range(m):
-        work.force[j] = before[4, j]
+    """After an accepted step: its forces for the next guess, its last ones as start."""
+    before, later, force = work.before, work.later, work.force
+    for j in range(force.size):
+        before[j, 0] = force[j]
+        for q in range(LATER):
+            before[j, 1 + q] = later[j, q]
+        force[j] = later[j, LATER - 1]

@@ -45,6 +45,7 @@ from seatdyn.kernels.plant import (
     accelerations,
     base_motion,
     is_holding,
+    plant_at,
     segment_at,
 )
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
@@ -74,52 +75,54 @@ def copy(source, target):
 
 @takes(AT_PLANT, REAL, REAL, REAL, ex.AT_WORK)
 @stage
-def first_break(plant, half, z_scale, v_scale, work):
-    """Earliest break met in a ladder step, in half steps (2: none), its row and channel."""
+def first_break(plant, quarter, z_scale, v_scale, work):
+    """Earliest break met in a ladder step, in quarters (4: none), its row and channel."""
     path, base = work.path, work.base
     n2 = 2 * path.shape[1] // 3
-    for part in range(2):
-        start, end, b0, b1 = path[part], path[part + 1], base[2 * part], base[2 * part + 2]
+    for part in range(4):
+        start, end = path[part], path[part + 1]
+        b0, b1 = base[ex.QUARTERS[part]], base[ex.QUARTERS[part + 1]]
         share, row, channel = first_event(
-            plant, half, (b0[0], b0[1], b0[2]), (b1[0], b1[1], b1[2]), start[:n2], end[:n2],
+            plant, quarter, (b0[0], b0[1], b0[2]), (b1[0], b1[1], b1[2]), start[:n2], end[:n2],
             start[n2:], end[n2:], work.side, work.held, z_scale, v_scale, work.six,
         )  # fmt: skip
         if row >= 0:
             return part + share, row, channel
-    return 2.0, -1, -1
+    return 4.0, -1, -1
 
 
-@takes(AT_PLANT, REAL, REAL, INTEGER, REAL, INTEGER, INTEGER, REAL, ex.AT_WORK)
+@takes(AT_PLANT, REAL, REAL, INTEGER, INTEGER, REAL, INTEGER, INTEGER, REAL, ex.AT_WORK)
 @stage
-def cut(plant, t, half, segment, reach, row, channel, tolerance, work):
-    """End a ladder step after `reach` half steps, or on break `row` nearby (-1: none).
+def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work):
+    """End half of a ladder step, from quarter `first` at t on, after `reach` quarters.
 
-    What the work says of the step becomes that of the shorter one; returns the reach, or 0 if the
-    break is not met there: what found it was too rough for so long a step.
+    With `row` >= 0 it ends on that break nearby. What the work says of the half becomes that of the
+    shorter one; returns the reach, or 0 if the break is not met there: what found it was too rough
+    for so long a step.
     """
     path, spare, side, held = work.path, work.spare, work.side, work.held
     n2 = 2 * path.shape[1] // 3
     end, middle, g = spare[0], spare[1], 0.0
     for _ in range(CORRECTIONS):
-        state_within(half, reach - 1.0, path, end)
-        base = base_motion(plant, t + reach * half, segment)
+        state_within(quarter, reach - 1.0, path, first, end)
+        base = base_motion(plant, t + reach * quarter, segment)
         accelerations(plant, base, end[:n2], side, held, end[n2:], work.force)
         if row < 0:
             break
         # the polynomial that found the break was less accurate
         g, slope = distance(plant, row, channel, end[:n2], base, end[n2:], side)
-        better = reach - g / (slope * half)
+        better = reach - g / (slope * quarter)
         if abs(g) <= tolerance or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0:
             break
         reach = better
     if abs(g) > MISSED * tolerance:
         return 0.0
-    state_within(half, 0.5 * reach - 1.0, path, middle)
-    copy(end, path[2])
-    copy(middle, path[1])
-    base = base_motion(plant, t + 0.5 * reach * half, segment)
-    # `before` is free: the next step cannot be guessed from this one
-    accelerations(plant, base, path[1, :n2], side, held, path[1, n2:], work.before[0])
+    state_within(quarter, 0.5 * reach - 1.0, path, first, middle)
+    copy(end, path[first + 2])
+    copy(middle, path[first + 1])
+    base = base_motion(plant, t + 0.5 * reach * quarter, segment)
+    between = path[first + 1]
+    accelerations(plant, base, between[:n2], side, held, between[n2:], work.weight)
     return reach
 
 
@@ -191,15 +194,16 @@ def save_step(record, marks, i, t, y, a0, a1, side, held, part):
     marks[i, side.size + held.size] = part
 
 
-@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, ex.AT_WORK)
+@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, INTEGER, ex.AT_WORK)
 @stage
-def save_halves(record, marks, i, t, half, work):
-    """Write the two halves of a ladder step as steps i and i + 1."""
+def save_half(record, marks, i, t, size, first, work):
+    """Write two quarters of a ladder step, `size` s each, from number `first` on: i and i + 1."""
     path, side, held = work.path, work.side, work.held
     n2 = 2 * path.shape[1] // 3
     for part in range(2):
-        row, mark, start, end = record[i + part], marks[i + part], path[part], path[part + 1]
-        row[0] = t + part * half
+        row, mark = record[i + part], marks[i + part]
+        start, end = path[first + part], path[first + part + 1]
+        row[0] = t + part * size
         for q in range(start.size):
             row[1 + q] = start[q]
         for q in range(n2, end.size):
@@ -229,14 +233,16 @@ def integrate(
     stick_speed,
     max_rate,
 ):
-    """Run from t0 to t1. `side[0] == 0` asks for the sides to be set from the state.
+    """Run from t0 to t1; plant and ladder are `placed`.
+
+    `side[0] == 0` asks for the sides to be set from the state.
 
     Returns status, number of events, final side and held, and the record of the steps: a row each
     with time (1), state (2N) and acceleration (N) at its start and acceleration (N) at its end,
     and a last row with the final time and state; and marks, a row each with sides (b) and held
     breaks (m).
     """
-    plant, ladder = address_of(plant), address_of(ladder)
+    plant, ladder = plant_at(plant), ex.ladder_at(ladder)
     n, m, breaks = plant.linear.shape[0], plant.gain.shape[0], side.size
     capacity = 64 + int(min(2.5 * (t1 - t0) / h_max, 4096.0))  # as a run of few events needs
     record = np.empty((capacity, 1 + 4 * n))
@@ -244,7 +250,7 @@ def integrate(
 
     arrays = ex.make_work(ladder, y0, side, held)
     work = address_of(arrays)
-    start, end = arrays.path[0], arrays.path[2]
+    start = arrays.path[0]
     y, a0 = start[: 2 * n], start[2 * n :]
     side, held, force0 = arrays.side, arrays.held, arrays.force
     y_end, force, scratch = np.empty(2 * n), np.zeros(m), np.empty(6)
@@ -273,6 +279,7 @@ def integrate(
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level, patience = START_LEVEL, 0
     level_before = np.int64(-1)  # of the ladder step before, if its forces can be extrapolated
+    origin = np.int64(-1)  # break and side that this step begins on, if it does
     hopeless = False  # the refused step before would be refused at half its size, too
     rk_until = -np.inf  # Dormand-Prince steps up to here
     fresh = True  # accelerations at the start have to be computed
@@ -302,7 +309,7 @@ def integrate(
         z_tolerance = rtol * z_scale
         v_tolerance = max(rtol * v_scale, rounding * z_scale)
         holding = is_holding(held)
-        if steps + 3 >= record.shape[0]:
+        if steps + 5 >= record.shape[0]:
             longer = 2 * record.shape[0]
             record = grow(record, np.empty((longer, record.shape[1])))
             marks = grow(marks, np.empty((longer, marks.shape[1]), np.int64))
@@ -313,20 +320,21 @@ def integrate(
             fit = level
             while fit > 0 and sizes[fit - 1] >= stop - t - instant:
                 fit -= 1
-            half = 0.5 * sizes[fit]
+            quarter = 0.25 * sizes[fit]
             iterations, truncation, gap = ex.ladder_step(
-                plant, ladder, fit, level_before, t, segment, z_tolerance, v_tolerance, work
-            )
+                plant, ladder, fit, level_before, origin, t, segment, z_tolerance, v_tolerance,
+                work,
+            )  # fmt: skip
             if not max(truncation, gap) <= 1.0:
                 hopeless = iterations == 0 or truncation > HOPELESS
                 level, patience, level_before = fit - 1, PATIENCE, -1
                 if level < 0:
-                    level, rk_until = 0, t + 2 * half
+                    level, rk_until = 0, t + sizes[0]
                 continue
-            reach = 2.0  # half steps
+            reach = 4.0  # quarters
             if breaks:
-                reach, row, channel = first_break(plant, half, z_scale, v_scale, work)
-                if row >= 0 and reach * half <= instant:
+                reach, row, channel = first_break(plant, quarter, z_scale, v_scale, work)
+                if row >= 0 and reach * quarter <= instant:
                     if released and fit > 0:
                         level, level_before = fit - 1, -1  # the step is too long to see it go
                         continue
@@ -338,26 +346,40 @@ def integrate(
                         ):  # fmt: skip
                             fresh, level_before = True, -1
                             continue
-                        reach, row = 2.0, -1
-            if stop - t < reach * half - instant:
-                reach, row = (stop - t) / half, -1
+                        reach, row = 4.0, -1
+            if stop - t < reach * quarter - instant:
+                reach, row = (stop - t) / quarter, -1
             if not at_once:
-                if reach < 2.0:
+                # the half that the step ends in, and the quarters that it takes of that
+                last = 2 if reach * quarter > 2.0 * quarter + instant else 0
+                share = min(reach - last, 2.0)
+                whole = last + share == 4.0
+                if not whole:
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
-                    reach = cut(plant, t, half, segment, reach, row, channel, near, work)
-                    level_before = -1
-                    if reach == 0.0:
-                        level, patience = fit - 1, PATIENCE
+                    share = cut(
+                        plant, t + last * quarter, quarter, segment, last, share, row, channel,
+                        near, work,
+                    )  # fmt: skip
+                    if share == 0.0:
+                        level, patience, level_before = fit - 1, PATIENCE, -1
                         if level < 0:
-                            level, rk_until = 0, t + 2 * half
+                            level, rk_until = 0, t + sizes[0]
                         continue
-                else:
+                h = (last + share) * quarter
+                if origin >= 0:
+                    ex.remember(fit, origin, work)
+                    origin = np.int64(-1)
+                if whole:
                     ex.keep_forces(work)
-                    level_before = fit
-                h = reach * half
-                save_halves(record, marks, steps, t, 0.5 * h, work)
+                level_before = np.int64(fit if whole else -1)
+                if last > 0:
+                    save_half(record, marks, steps, t, quarter, 0, work)
+                    steps += 2
+                save_half(
+                    record, marks, steps, t + last * quarter, 0.5 * share * quarter, last, work
+                )
                 steps += 2
-                copy(end, start)
+                copy(arrays.path[last + 2], start)
                 t = stop if stop - (t + h) <= instant else t + h
                 patience -= 1
                 easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
@@ -368,7 +390,7 @@ def integrate(
                     level += 1
                 hopeless = False
         else:
-            level_before = -1
+            level_before, origin = np.int64(-1), np.int64(-1)
             wanted = min(h_rk, h_max)
             h = min(wanted, stop - t)
             if rk_until > t:
@@ -409,7 +431,7 @@ def integrate(
                 if margin >= 0.0:
                     place = dip_between(
                         plant, t, h, segment, y, a0, y_end, a_rk, margin, side, held, force0,
-                        arrays.spare[0], arrays.before[0],
+                        arrays.spare[0], arrays.weight,
                     )  # fmt: skip
                 if place < min(share, 1.0):
                     h_rk = place * h  # to look at it from there
@@ -438,7 +460,9 @@ def integrate(
             flips = 0
             continue
         events += 1
-        fresh, level_before = True, -1
+        # at a kink forces go on as they were
+        fresh = at_once or row < 0 or plant.breaks[row, IS_JUMP] == 1
+        level_before = np.int64(-1)
         if at_once:
             flips += 1
         else:
@@ -453,6 +477,7 @@ def integrate(
             release(plant, t, segment, y, let_go, side, held, force)
         else:
             pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force)
+            origin = np.int64(2 * row + (1 if side[row] > 0 else 0))
     save_step(record, marks, steps, t, y, a0, a0, side, held, SINGLE)
     keep(arrays)
     return status, events, side, held, record[: steps + 1], marks[: steps + 1]
@@ -465,8 +490,9 @@ SHARES = Shares(
         first_break,
         ex.ladder_step,
         ex.keep_forces,
+        ex.remember,
         save_step,
-        save_halves,
+        save_half,
         rk_error,
         sides_of,
         ex.make_work,

@@ -15,6 +15,7 @@ import platform
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ MEMORY_FORCE = types.float64(
 MEMORY_RATE = types.void(*[types.float64] * 4, *[types.CPointer(types.float64)] * 3)
 LANES_LAW = types.void(types.int64, *[types.CPointer(types.float64)] * 4)
 COMPILE_HINT_AFTER = 1.0  # s
+NOTHING: AbstractContextManager[None] = nullcontext()
 TIME_ENGINE, BALANCE = 20.0, 40.0  # s that their kernels take to compile
 
 
@@ -253,6 +255,11 @@ def lanes_law_address(function: Callable[[float, float, Any], float], name: str)
 def rows_law_address(function: Callable[[float, float, Any], float], name: str) -> int:
     """Address of the compiled law that adds the forces of many members, see `_over_rows`."""
     return law_address(_over_rows(function), f"{name} of rows", LANES_LAW)
+
+
+def notice_for(compiled: Any, about: float = TIME_ENGINE) -> AbstractContextManager[Any]:
+    """Return a `CompileNotice` where a kernel is still to be compiled, else nothing to wait for."""
+    return NOTHING if compiled.overloads else CompileNotice(about)
 
 
 class CompileNotice(event.Listener):

@@ -196,34 +196,3 @@ def gather_extremes(typingctx, table, times, extremes):
         return context.get_dummy_value()
 
     return signature, codegen
-
-
-@intrinsic
-def add_force(typingctx, address, motion, d, v, parameters, offset, force, channel):
-    """force[channel] += F of the law for lanes at `address` (see `jit.lanes_law`).
-
-    d, v : rows of `motion` with displacement and velocity; parameters begin at `offset`
-    """
-    index = types.int64
-    signature = types.void(index, motion, index, index, parameters, index, force, index)
-
-    def codegen(context, builder, sig, args):
-        number = ir.DoubleType().as_pointer()
-        law_type = ir.FunctionType(ir.VoidType(), [INDEX, number, number, number, number])
-        law = builder.inttoptr(args[0], law_type.as_pointer())
-        rows = _array(context, sig.args[1], builder, args[1])
-        values = _array(context, sig.args[4], builder, args[4])
-        target = _array(context, sig.args[6], builder, args[6])
-        builder.call(
-            law,
-            [
-                ir.Constant(INDEX, LANES),
-                builder.bitcast(_row(builder, rows, args[2]), number),
-                builder.bitcast(_row(builder, rows, args[3]), number),
-                builder.gep(values.data, [args[5]]),
-                builder.bitcast(_row(builder, target, args[7]), number),
-            ],
-        )
-        return context.get_dummy_value()
-
-    return signature, codegen

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from seatdyn.kernels.address import Address
+from seatdyn.kernels.address import Address, at
 from seatdyn.kernels.call import call_law
 from seatdyn.kernels.columns import (
     ADDRESS,
@@ -40,7 +40,7 @@ class Plant(NamedTuple):
     pull: np.ndarray  # (N, m) acceleration lost per unit force of a channel
     gain: np.ndarray  # (m, m) relative acceleration of channel i lost per unit force of channel j
     channels: np.ndarray  # (m+1, 4) int: nodes (-1 is the base), begin of its elements and breaks
-    elements: np.ndarray  # (e, 2) int: address of its law, begin of its parameters
+    elements: np.ndarray  # (e, 3) int: address of its law, begin of its parameters, see `columns`
     parameters: np.ndarray
     breaks: np.ndarray  # (b, 4) displacement, velocity, value, 1 where a law jumps and 0 for a kink
     segments: np.ndarray  # (k, 10) start, polynomial (6), sine: amplitude, omega, phase
@@ -51,6 +51,7 @@ PLANT = types.NamedTuple(
     [TABLE, TABLE, TABLE, INTEGER_TABLE, INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE], Plant
 )
 AT_PLANT = Address(PLANT)
+plant_at = at(AT_PLANT)
 
 
 @inlined
@@ -141,11 +142,11 @@ def sum_of_laws(plant, j, d, v):
 
 
 @inlined
-def channel_force(plant, j, d, v, side):
-    """Force of channel j on the side of its breaks that the run is on.
+def reflection(plant, j, d, v, side):
+    """What a force beyond a break is, as (b, s, d, v): b + s F(d, v), F the sum of the laws.
 
-    Beyond a break it goes on as its own reflection in the point on the break, which is smooth for
-    smooth laws and exact for linear ones: a step may then reach over a break and be cut there.
+    On the run's side of all breaks it is F at the point itself, b = 0 and s = 1. Beyond a break it
+    is twice the force on the break, less F at the point reflected in it.
     """
     beyond, excess = -1, 0.0
     for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
@@ -155,16 +156,24 @@ def channel_force(plant, j, d, v, side):
         if side[r] * g < 0.0 or (g == 0.0 and plant.breaks[r, IS_JUMP] == 1):
             beyond, excess = r, g
     if beyond < 0:
-        return sum_of_laws(plant, j, d, v)
+        return 0.0, 1.0, d, v
     p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
     d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
-    # twice the law on the break minus the law at the reflected point
-    total, sign = 0.0, 2.0
-    for i in range(1, 3):
-        x, w = on_side(plant, j, d - i * d_out, v - i * v_out, side)
-        total += sign * sum_of_laws(plant, j, x, w)
-        sign = -1.0
-    return total
+    x, w = on_side(plant, j, d - d_out, v - v_out, side)
+    twice = 2.0 * sum_of_laws(plant, j, x, w)
+    x, w = on_side(plant, j, d - 2.0 * d_out, v - 2.0 * v_out, side)
+    return twice, -1.0, x, w
+
+
+@inlined
+def channel_force(plant, j, d, v, side):
+    """Force of channel j on the side of its breaks that the run is on.
+
+    Beyond a break it goes on as its own reflection in the point on the break, which is smooth for
+    smooth laws and exact for linear ones: a step may then reach over a break and be cut there.
+    """
+    twice, sign, d, v = reflection(plant, j, d, v, side)
+    return twice + sign * sum_of_laws(plant, j, d, v)
 
 
 @inner

@@ -11,6 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+CONTRACT = ("contract",)  # a product and a sum may be one instruction
 WIDTH = 8  # columns that are summed up side by side; matrices have a multiple of it
 
 
@@ -52,7 +53,12 @@ def add_product(typingctx, row, matrices, index, result):
                 place = builder.add(builder.mul(loop.index, columns), column)
                 entries = builder.load(at(first, place), align=8)
                 builder.store(
-                    builder.fadd(builder.load(total), builder.fmul(all_x, entries)), total
+                    builder.fadd(
+                        builder.load(total),
+                        builder.fmul(all_x, entries, flags=CONTRACT),
+                        flags=CONTRACT,
+                    ),
+                    total,
                 )
             builder.store(builder.load(total), at(end, column), align=8)
         return context.get_dummy_value()

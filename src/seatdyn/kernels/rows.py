@@ -145,3 +145,43 @@ def root_of(typingctx, a):
         return builder.call(sqrt, args)
 
     return ROW(a), codegen
+
+
+def _folded(builder, row, fold):
+    """Fold halves of a row onto each other until one number is left."""
+    width = WIDTH // 2
+    while width:
+        mask = [(i + width) % WIDTH for i in range(WIDTH)]
+        kind = ir.VectorType(ir.IntType(32), WIDTH)
+        row = fold(row, builder.shuffle_vector(row, row, ir.Constant(kind, mask)))
+        width //= 2
+    return builder.extract_element(row, ir.Constant(ir.IntType(32), 0))
+
+
+@intrinsic
+def sum_of(typingctx, a):
+    """Sum over the members of a row."""
+
+    def codegen(context, builder, sig, args):
+        return _folded(builder, args[0], builder.fadd)
+
+    return types.float64(a), codegen
+
+
+@intrinsic
+def largest_of(typingctx, a):
+    """Largest member of a row; what is no number may be passed over."""
+
+    def codegen(context, builder, sig, args):
+        def larger(one, other):
+            return builder.select(builder.fcmp_ordered(">", one, other), one, other)
+
+        return _folded(builder, args[0], larger)
+
+    return types.float64(a), codegen
+
+
+@intrinsic
+def member_of(typingctx, a, i):
+    """Member i of a row."""
+    return types.float64(a, i), lambda context, builder, sig, args: builder.extract_element(*args)

@@ -49,5 +49,7 @@ def rk_error(k, h, n, z_tolerance, v_tolerance):
         total = 0.0
         for s in range(7):
             total += E[s] * k[s, i]
-        worst = max(worst, abs(h * total) / (z_tolerance if i < n else v_tolerance))
+        share = abs(h * total) / (z_tolerance if i < n else v_tolerance)
+        if not share <= worst:
+            worst = share if share < np.inf else np.inf  # what is no number is too much, too
     return worst
