@@ -26,7 +26,7 @@ from seatdyn.kernels.columns import (
 )
 from seatdyn.kernels.jit import allocating_stage, inlined, stage, takes
 from seatdyn.kernels.plant import AT_PLANT, reflection, segment_motion
-from seatdyn.kernels.product import add_product
+from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
     WIDTH,
     any_larger,
@@ -356,15 +356,11 @@ def ladder_step(
     iterations = 1
     if work.force.size > 0:
         guess_forces(plant, ladder, level, level_before, origin, z_tolerance, v_tolerance, work)
-        for c in range(known.shape[0]):
-            store(known, c, 0.0)
-        add_product(row, ladder.known, level, known)
+        product(row, ladder.known, level, known)
         iterations = collocate(plant, ladder, level, work)
         if iterations == 0:
             return 0, np.inf, np.inf
-    for q in range(result.size):
-        result[q] = 0.0
-    add_product(row, ladder.advance, level, result)
+    product(row, ladder.advance, level, result)
     total = 0.0
     for i in range(2 * path.shape[1] // 3):
         total += path[4, i]

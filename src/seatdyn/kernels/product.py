@@ -16,8 +16,8 @@ WIDTH = 8  # columns that are summed up side by side; matrices have a multiple o
 
 
 @intrinsic
-def add_product(typingctx, row, matrices, index, result):
-    """result += row[:rows] @ matrices[index], for C-contiguous arrays; no bounds are checked.
+def product(typingctx, row, matrices, index, result):
+    """result = row[:rows] @ matrices[index], for C-contiguous arrays; no bounds are checked.
 
     row : (>= rows,)
     matrices : (L, rows, columns), columns a multiple of WIDTH
@@ -41,7 +41,7 @@ def add_product(typingctx, row, matrices, index, result):
             return builder.bitcast(builder.gep(pointer, [place]), vector.as_pointer())
 
         with cgutils.for_range_slice(builder, columns.type(0), columns, width) as (column, _):
-            builder.store(builder.load(at(end, column), align=8), total)
+            builder.store(ir.Constant(vector, [0.0] * WIDTH), total)
             with cgutils.for_range(builder, rows) as loop:
                 x = builder.load(builder.gep(start, [loop.index]))
                 one = builder.insert_element(
