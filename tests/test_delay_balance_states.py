@@ -28,6 +28,7 @@ CASES = {  # system, tolerance, agreement of the multipliers
     "bouc-wen": (paper_system(late("bouc-wen")), 3e-6, 2e-6),
     "zener": (paper_system(late("zener")), 3e-6, 1e-7),
     "tank": (paper_system(late("tank")), 3e-6, 1e-7),
+    "spencer": (paper_system(late("spencer", 0.002)), 3e-6, 1e-5),
     "on-off": (paper_system(late("on-off")), 3e-6, 2e-6),
     "mr": (paper_system(late("mr", 0.004)), 3e-6, 1e-4),
     "all of it": (paper_system(LAWS["bouc-wen"][0], JUMP, body=ON).delayed(0.011), 1e-5, 1e-5),
@@ -170,3 +171,44 @@ def test_many_parameter_sets(sine):
     alone = sd.steady_state(system, sine, method="hb", tolerance=3e-6)
     np.testing.assert_allclose(states.amplitude[1], alone.amplitude, rtol=1e-9)
     assert states.floquet_max.values[0] != states.floquet_max.values[1]
+
+
+def accelerated(tau):
+    """A late damper whose current is switched by the sign of the seat's acceleration."""
+    damper = LAWS["mr"][0]
+    switched = dataclasses.replace(damper, control="acceleration", gain=None, delay=tau)
+    return paper_system(switched)
+
+
+@pytest.mark.parametrize(
+    ("tau", "frequency", "level"),
+    [
+        (0.0, 3.0, 2.0),
+        (0.002, 3.0, 2.0),
+        (0.008, 3.0, 2.0),
+        pytest.param(0.02, 1.6, 1.5, marks=pytest.mark.slow),
+        # where Newton's method in time is of no use either, while the motion repeats itself
+        pytest.param(0.002, 1.0, 0.6, marks=pytest.mark.slow),
+    ],
+)
+def test_a_switched_damper_is_finished_in_time(tau, frequency, level):
+    sine = sd.Sine(frequency, amplitude=level)
+    ours = sd.steady_state(accelerated(tau), sine, method="hb", tolerance=3e-6)
+    theirs = sd.steady_state(accelerated(tau), sine, method="time")
+    assert ours.attrs["status"] == theirs.attrs["status"] == "converged"
+    assert (ours.attrs["method"], ours.attrs["finished"]) == ("hb", "time")
+    error = float(np.nanmax(np.abs(ours.amplitude / theirs.amplitude - 1)))
+    assert error <= ours.attrs["error_estimate"] <= 3e-6
+
+
+@pytest.mark.slow
+def test_a_switched_damper_that_hunts_is_refused_with_the_reason():
+    """The last periods of a long run differ by tens of per cent."""
+    sine, system = sd.Sine(1.0, amplitude=0.6), accelerated(0.02)
+    state = sd.steady_state(system, sine, method="hb")
+    assert state.attrs["status"] == "not_converged"
+    assert "the control of MRDamper switches" in state.attrs["message"]
+    assert "simulate" in state.attrs["message"]
+    run = sd.simulate(system, sine, 40.0, output_step=1e-3, energy_check=False)
+    seat = run.acceleration.sel(node="seat").values[-10001:-1].reshape(10, 1000)
+    assert np.ptp(seat, axis=0).max() > 0.1 * np.abs(seat).max()

@@ -110,11 +110,17 @@ def periods_together(problem: LateProblem, period: float) -> int:
 
 
 def find_late_orbit(
-    problem: LateProblem, period: float, tolerance: float, max_periods: int, *, linear: bool
+    problem: LateProblem,
+    period: float,
+    tolerance: float,
+    max_periods: int,
+    *,
+    linear: bool,
+    start: LateState | None = None,
 ) -> Orbit:
-    """Integrate from rest until the motion repeats itself, helped by Newton's method.
+    """Integrate from rest, or from `start`, until the motion repeats itself.
 
-    What dry friction holds when a period begins is led to its end instead.
+    Newton's method helps; what dry friction holds when a period begins is led to its end instead.
 
     linear : the laws are linear or constant, so that one correction is exact
     """
@@ -122,7 +128,7 @@ def find_late_orbit(
     # the map must reach back into itself only: as many periods as the delay is long
     together = periods_together(problem, period)
     length = together * period
-    state = problem.rest(np.zeros(2 * history.n))
+    state = problem.rest(np.zeros(2 * history.n)) if start is None else start
     assert state.past is not None
     values = history.values(state.past)
     operator: Array | None = None
@@ -143,18 +149,22 @@ def find_late_orbit(
         residual = new - values
         approach.see(np.abs(residual) / scales, run)
         change = approach.changes[-1]
-        helpless = end.is_held or approach.was_led
-        if operator is None and helpless and approach.is_over(tolerance):
-            operator = monodromy(problem, history, end, length, scales, run.steps)
-            return Orbit(
-                Status.CONVERGED,
-                period,
-                problem.run(0.0, period, end),
-                error=max(approach.error, change),
-                multiplier=approach.rate,
-                multipliers=multipliers_of(operator, together),
-                periods=count,
-            )
+        if operator is None and approach.is_over(tolerance):
+            known = monodromy(problem, history, end, length, scales, run.steps)
+            multipliers = multipliers_of(known, together)
+            helpless = end.is_held or approach.was_led
+            if helpless or abs(multipliers[0]) < 1.0:
+                return Orbit(
+                    Status.CONVERGED,
+                    period,
+                    problem.run(0.0, period, end),
+                    error=max(approach.error, change),
+                    multiplier=approach.rate,
+                    multipliers=multipliers,
+                    periods=count,
+                )
+            helped = False  # it is left to leave this orbit
+            approach.forget()
         if operator is not None:
             approach.forget()
             identity = np.eye(values.size)

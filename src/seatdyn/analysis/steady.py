@@ -25,7 +25,6 @@ from seatdyn.analysis.transient import (
     warn_extrapolation,
 )
 from seatdyn.errors import RequestError, Status
-from seatdyn.kernels.columns import IS_JUMP
 from seatdyn.model.elements import (
     CoulombFriction,
     NonlinearElement,
@@ -75,10 +74,11 @@ def steady_state(
     "hb", harmonic balance, finds a motion with the period of the excitation, starting from the
     linear response, with as many harmonics as its error estimate asks for. Where all harmonics
     allowed are too few, Newton's method on the period map finishes; where it fails and a force
-    jumps, the seat may rest on the jump, which harmonics cannot follow, and time integration looks
-    for that motion, starting with the seat moving as the base (attribute `finished` "time" in both
-    cases). Where that fails, too, it is led from a motion at another level of the excitation. The
-    motion may be unstable (attribute `stable` 0): it solves the equations, but no test shows it.
+    jumps, or the control of a damper switches, which harmonics cannot follow, time integration
+    looks for the motion, starting with the seat moving as the base (attribute `finished` "time" in
+    both cases). Where that fails, too, it is led from a motion at another level of the excitation.
+    The motion may be unstable (attribute `stable` 0): it solves the equations, but no test shows
+    it.
 
     "time" integrates from rest until the state repeats; when it nearly does, Newton's method on the
     period map finishes, and its solution is taken only if it is stable (all Floquet multipliers
@@ -153,7 +153,7 @@ def _by_balance(
     """Steady state by harmonic balance; with "auto" None where integration has to decide."""
     from seatdyn.analysis.balance import balance
     from seatdyn.analysis.neighbours import from_neighbour
-    from seatdyn.analysis.steady_balance import balanced_state
+    from seatdyn.analysis.steady_balance import balanced_state, jumping, not_found
 
     known = not system.delays
     if method == "auto" and not known:
@@ -167,14 +167,16 @@ def _by_balance(
             f"{type(excitation).__name__} is not; use method='time'."
         )
     data = balanced_state(balanced, excitation, tolerance, check=check)
-    if known and method == "hb":
+    if method == "hb":
         finished = _finish(balanced, excitation, data.attrs["status"], tolerance, check=check)
-        if finished is None and data.attrs["status"] == Status.NOT_CONVERGED:
+        if finished is None and known and data.attrs["status"] == Status.NOT_CONVERGED:
             neighbour = from_neighbour(system, excitation, tolerance)
             if neighbour is not None:
                 balanced = neighbour
                 data = balanced_state(balanced, excitation, tolerance, check=check)
         data = data if finished is None else finished
+        if data.attrs["status"] == Status.NOT_CONVERGED:
+            data.attrs["message"] = not_found(jumping(balanced), STICKING_PERIODS)
     good = data.attrs["status"] == Status.CONVERGED and data.attrs["stable"] == 1
     if not good and method == "auto":
         return None
@@ -189,17 +191,19 @@ def _finish(
     balanced: Balanced, excitation: Excitation, status: str, tolerance: float, *, check: bool
 ) -> xr.Dataset | None:
     """In time, what harmonic balance has almost found, or a motion that it cannot follow."""
+    from seatdyn.analysis.steady_balance import jumping, start_of
+
     almost = status == Status.NOT_ACCURATE and tolerance >= FINISH.rtol
     lost = status in (Status.NOT_CONVERGED, Status.STICKING, Status.CHATTERING)
-    if not almost and not (lost and np.any(balanced.problem.breaks[:, IS_JUMP] == 1.0)):
+    if not almost and not (lost and jumping(balanced)):
         return None
-    problem = problem_for(balanced.system, excitation, FINISH if almost else DEFAULT)
+    system = balanced.system
+    problem = problem_for(system, excitation, FINISH if almost else DEFAULT)
+    start = start_of(balanced, problem) if almost else _moving_as_the_base(problem)
     orbit: Orbit | None
-    if almost:
-        start, period = problem.start(balanced.start()), require_period(excitation)
-        orbit = _newton(problem, period, start, tolerance, 0, stable=False)
+    if almost and not system.delays:
+        orbit = _newton(problem, require_period(excitation), start, tolerance, 0, stable=False)
     else:
-        start = _moving_as_the_base(problem)
         orbit = find_orbit(problem, excitation, tolerance, STICKING_PERIODS, start=start)
     if orbit is None or orbit.status is not Status.CONVERGED or not orbit.error <= tolerance:
         return None  # with "hb" the tolerance is one of the error
@@ -314,10 +318,12 @@ def find_orbit(
         return Orbit(Status.UNSTABLE, period)
     if problem.system.delays:
         from seatdyn.analysis.delay_orbit import find_late_orbit
-        from seatdyn.analysis.delay_time import LateProblem
+        from seatdyn.analysis.delay_time import LateProblem, LateState
 
         assert isinstance(problem, LateProblem)
-        return find_late_orbit(problem, period, tolerance, max_periods, linear=linear)
+        if start is not None and not isinstance(start, LateState):
+            start = problem.rest(start.y)
+        return find_late_orbit(problem, period, tolerance, max_periods, linear=linear, start=start)
     state = problem.start(initial_state(problem, "rest")) if start is None else start
     approach = Approach()
     past: deque[Array] = deque(maxlen=LONGEST_SUBHARMONIC)

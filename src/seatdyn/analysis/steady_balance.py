@@ -21,6 +21,7 @@ from seatdyn.kernels.balance import CONVERGED, TOO_MANY_EVENTS
 from seatdyn.kernels.levels import NOT_ACCURATE
 from seatdyn.kernels.orbit import HIGH, LOW
 from seatdyn.model.excitation import Excitation
+from seatdyn.model.semi_active import switches
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,6 +45,30 @@ def status_of(balanced: Balanced, slowest: float) -> Status:
         return Status.NOT_ACCURATE
     assert balanced.code == CONVERGED
     return Status.GRAZING if slowest < GRAZING else Status.CONVERGED
+
+
+def jumping(balanced: Balanced) -> list[str]:
+    """What harmonics follow slowly: elements whose force or command jumps, for messages."""
+    elements = balanced.system.nonlinear_elements
+    forces = [
+        f"the force of {e.name} jumps" for e in elements if any(b.jumps for b in e.lower().breaks)
+    ]
+    controls = [
+        f"the control of {e.name} switches" for e in balanced.system.memory_elements if switches(e)
+    ]
+    return forces + controls
+
+
+def not_found(jumps: list[str], periods: int) -> str:
+    """Why harmonic balance has no motion, and what to do; `periods` that were run in time."""
+    text = "Harmonic balance found no motion with the period of the excitation"
+    if not jumps:
+        return f"{text}. Use method='time'."
+    return (
+        f"{text}: {', '.join(jumps)}, which harmonics follow slowly. Time integration came to none "
+        f"within {periods} periods, either: the motion may never repeat itself. Look at it with "
+        "`simulate`, or use method='time' with its `max_periods`."
+    )
 
 
 def energy_residual(balanced: Balanced, problem: Problem) -> float:

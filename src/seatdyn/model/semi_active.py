@@ -171,6 +171,11 @@ def felt_by(control: str) -> tuple[int, ...]:
     return {"passive": (1,), "acceleration": (1, 3)}.get(control, (1, 2))
 
 
+def switches(element: MemoryElement) -> bool:
+    """Whether it has a control law that goes from one limit to the other at a zero."""
+    return isinstance(element, SemiActiveDamper | MRDamper) and element.control in THRESHOLDS
+
+
 def refuse_switching(element: SemiActiveDamper | MRDamper) -> None:
     """Refuse the linear form of a damper whose control law switches."""
     if element.control != "passive":
