@@ -16,10 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seatdyn.analysis.hysteretic import HystereticRun
 from seatdyn.analysis.run import Problem, Run
-from seatdyn.kernels.memory import HELD
-from seatdyn.kernels.plant import FREE
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Problem)
@@ -61,7 +58,7 @@ class Approach:
         rate, pace = (
             last[-1] / last[-2] if last[-2] > 0.0 else 1.0 for last in (self.changes, self.moves)
         )
-        self._slips = slips(run)
+        self._slips = run.slips
         if self._slips and pace > CREEPING and self.moves[-1] > problem.settings.rtol:
             self._rate = pace
             self._left, known = way_left(self.moves)
@@ -159,14 +156,4 @@ def most_multiplier(run: Run) -> float:
 
     Where a slip vanishes they miss the corner of the map, and are as near to one as they are small.
     """
-    return CREEPS if slips(run) else 1.0
-
-
-def slips(run: Run) -> bool:
-    """Whether some channel rests on a jump for a part of the run."""
-    first = run.problem.plant.breaks.shape[0]
-    if isinstance(run, HystereticRun):
-        held = run.marks == HELD
-    else:
-        held = run.marks[:, first : first + run.end.held.size] != FREE
-    return bool(np.any(held.any(0) & ~held.all(0)))
+    return CREEPS if run.slips else 1.0

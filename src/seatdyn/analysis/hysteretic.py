@@ -64,9 +64,10 @@ class HystereticRun(Run):
     """A run whose record has the states beside the motion."""
 
     @property
-    def rests(self) -> bool:
-        """Whether every jump that the state rests on at the end was rested on all the time."""
-        return bool(np.all(self.marks[:, self.end.side == HELD] == HELD))
+    def slips(self) -> bool:
+        """Whether some jump is rested on for a part of the run."""
+        held = self.marks == HELD
+        return bool(np.any(held.any(0) & ~held.all(0)))
 
     def states(self, time: Array) -> Array:
         """Displacements and velocities (p, 2N) alone at these times (s)."""

@@ -135,11 +135,11 @@ class Run:
         return int(self.record.shape[0]) - 1
 
     @property
-    def rests(self) -> bool:
-        """Whether every channel that rests on a jump at the end did so all the time."""
+    def slips(self) -> bool:
+        """Whether some channel rests on a jump for a part of the run."""
         first = self.problem.plant.breaks.shape[0]
-        held = self.marks[:, first : first + self.end.held.size]
-        return bool(np.all(held[:, self.end.held != FREE] != FREE))
+        held = self.marks[:, first : first + self.end.held.size] != FREE
+        return bool(np.any(held.any(0) & ~held.all(0)))
 
     def places(self, time: Array) -> tuple[NDArray[np.int64], Array]:
         """The steps that these times (s) lie in, and the shares (0..1) of them that have passed."""
