@@ -14,6 +14,7 @@ import seatdyn as sd
 from conftest import paper_system
 from seatdyn.analysis.ladder import _propagators
 from seatdyn.analysis.run import Problem, Settings
+from seatdyn.kernels import dense
 from seatdyn.kernels.exponential import LATER, LEVELS, NODES, PLACES
 
 
@@ -108,3 +109,21 @@ def test_a_copy_of_a_problem_outlives_it():
     for twin in copies:
         assert np.array_equal(twin.run(0.0, 1.0, twin.start(np.zeros(6))).end.y, end)
     del rubbish
+
+
+@pytest.mark.parametrize("parts", [(dense.FIRST_HALF, dense.SECOND_HALF), (dense.SINGLE,) * 2])
+@pytest.mark.parametrize("h", [1e-11, 1e-7, 3e-5])
+def test_velocities_are_right_in_the_shortest_steps(parts, h):
+    """A break just behind the end of a step leaves a next step of next to nothing."""
+    times = 1.0 + h * np.arange(3)
+
+    def motion(t):
+        return 0.1 * np.sin(30.0 * t), 3.0 * np.cos(30.0 * t), -90.0 * np.sin(30.0 * t)
+
+    z, v, a = motion(times)
+    record = np.column_stack([times, z, v, a, np.append(a[1:], a[-1])])
+    marks = np.array([[*parts, dense.SINGLE]]).T
+    inside = np.linspace(times[0], times[-1], 41)
+    found = dense.states(record, marks, inside)
+    np.testing.assert_allclose(found[:, 0], motion(inside)[0], rtol=1e-13)
+    np.testing.assert_allclose(found[:, 1], motion(inside)[1], rtol=1e-10)

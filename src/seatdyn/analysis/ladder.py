@@ -104,15 +104,13 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     relative = relative.reshape(LEVELS, rows.shape[2], -1)
     unknown = rows.shape[2] - LATER * m
 
-    # states and accelerations, these with the force at their own place
+    # states and accelerations, these with the force at their own point
     advance = []
     for place in QUARTERS[1:]:
         acceleration = everything[:, place - 1] @ plant.linear.T
-        force_there = _values(PLACES[place : place + 1])[0]
-        for j in range(m):
-            pull = force_there[:, None] * plant.pull[:, j]
-            acceleration[:, unknown - m + j] -= pull[0]
-            acceleration[:, unknown + LATER * j : unknown + LATER * (j + 1)] -= pull[1:]
+        if place < POINTS:
+            for j in range(m):
+                acceleration[:, unknown + LATER * j + place - 1] -= plant.pull[:, j]
         advance += [rows[:, place - 1], acceleration]
     filling = np.zeros((LEVELS, rows.shape[2], -12 * n % WIDTH))
 

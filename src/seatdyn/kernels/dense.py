@@ -25,10 +25,19 @@ SINGLE, FIRST_HALF, SECOND_HALF = np.arange(
 )  # what a row of the record is: last column of `marks`
 
 
+SHORT = 1e-5  # s: in a shorter step the displacements are too close to tell of velocities
+
+
 @inlined
 def quintic(h, z0, v0, a0, z1, v1, a1):
-    """Coefficients of s = 0 .. 1 over a step: displacement, velocity, acceleration at both ends."""
+    """Coefficients of s = 0 .. 1 over a step: displacement, velocity, acceleration at both ends.
+
+    Of a short step it goes through the velocities and accelerations, from the first displacement.
+    """
     m0, m1, k0, k1, rise = h * v0, h * v1, h * h * a0, h * h * a1, z1 - z0
+    if h < SHORT:
+        third, fourth = m1 - m0 - (2 * k0 + k1) / 3, 0.5 * (m0 - m1) + 0.25 * (k0 + k1)
+        return z0, m0, 0.5 * k0, third, fourth, 0.0, 0.0, 0.0, 0.0
     return (
         z0,
         m0,
@@ -108,7 +117,7 @@ def state_within(k, u, path, first, y):
 def in_row(record, i, part, n, q):
     """Polynomial of displacement q in row i of the record, which may be half of a ladder step."""
     h, z, v, a, b = record[i + 1, 0] - record[i, 0], 1 + q, 1 + n + q, 1 + 2 * n + q, 1 + 3 * n + q
-    if part == SINGLE:
+    if part == SINGLE or h < SHORT:
         start, end = record[i], record[i + 1]
         return quintic(h, start[z], start[v], start[a], end[z], end[v], start[b])
     first = i - 1 if part == SECOND_HALF else i
@@ -119,9 +128,9 @@ def in_row(record, i, part, n, q):
 
 
 @inlined
-def first_of(part):
-    """Variable of that polynomial where the row begins; it ends one later."""
-    return -1.0 if part == FIRST_HALF else 0.0
+def first_of(part, h):
+    """Variable of that polynomial where the row begins, h before its end; it ends one later."""
+    return -1.0 if part == FIRST_HALF and not h < SHORT else 0.0
 
 
 @inner
@@ -157,7 +166,7 @@ def states(record, marks, time):
         end = begin + 1
         while end < time.size and start <= time[end] and (time[end] < start + h or i == last):
             end += 1
-        here, first = time[begin:end], first_of(part)
+        here, first = time[begin:end], first_of(part, h)
         for q in range(n):
             c = in_row(record, i, part, n, q)
             z, v = y[q, begin:end], y[n + q, begin:end]
@@ -188,7 +197,7 @@ def sample(plant, record, marks, index, share):
         h = record[i + 1, 0] - record[i, 0]
         part = marks[i, breaks + m]
         for q in range(n):
-            c, u = in_row(record, i, part, n, q), share[p] + first_of(part)
+            c, u = in_row(record, i, part, n, q), share[p] + first_of(part, h)
             y[q], y[n + q] = value(c, u), slope(c, u) * (1.0 / h)
         segment = segment_at(plant, record[i, 0] + 0.5 * h)
         times[p] = record[i, 0] + share[p] * h

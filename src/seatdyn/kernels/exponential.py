@@ -25,7 +25,7 @@ from seatdyn.kernels.columns import (
     VALUE,
 )
 from seatdyn.kernels.jit import allocating_stage, inlined, stage, takes
-from seatdyn.kernels.plant import AT_PLANT, reflection, segment_motion
+from seatdyn.kernels.plant import AT_PLANT, channel_force, reflection, relative, segment_motion
 from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
     WIDTH,
@@ -67,7 +67,9 @@ class Ladder(NamedTuple):
     step: np.ndarray  # (L,) s
     exact_sines: bool
     turn: np.ndarray  # (L, 11, k, 2) cosine and sine of the angle of each lasting sine to PLACES
-    advance: np.ndarray  # (L, R, >= 12N) to state and acceleration at 1/4, 1/2, 3/4 and the end
+    # (L, R, >= 12N) to state and acceleration at 1/4, 1/2, 3/4 and the end; the accelerations at
+    # 1/4 and 3/4, which are no points of the step, without the channel forces
+    advance: np.ndarray
     known: np.ndarray  # (L, R - 8m, 16m) to d at the later points, v there; of the next channel ...
     unknown: np.ndarray  # (L, 8m, 16m) the same from the forces at the later points
     onward: np.ndarray  # (L + 1, 9, 8) forces of a step to those of the next: of 2h, h, h/2 ...
@@ -150,8 +152,8 @@ def place_base(plant, ladder, level, t, segment, work):
     first = 2 * plant.linear.shape[0]
     exact = ladder.exact_sines
     count = PLACES.size
-    if exact:  # the row needs no points; breaks are looked for between the quarters
-        count = QUARTERS.size if work.side.size > 0 else 0
+    if exact:  # the row needs no points
+        count = QUARTERS.size if work.force.size > 0 else 0
     for i in range(count):
         q = QUARTERS[i] if exact else i
         base[q, 0] = base[q, 1] = base[q, 2] = 0.0
@@ -315,6 +317,19 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
 
 
 @inlined
+def add_forces_between(plant, work):
+    """Complete accelerations at 1/4 and 3/4 by the laws; the polynomials are less accurate."""
+    path, n = work.path, work.path.shape[1] // 3
+    for quarter in range(1, 4, 2):
+        state, base = path[quarter], work.base[QUARTERS[quarter]]
+        for j in range(work.force.size):
+            d, v = relative(plant, j, state[: 2 * n], base[0], base[1])
+            force = channel_force(plant, j, d, v, work.side)
+            for i in range(n):
+                state[2 * n + i] -= plant.pull[i, j] * force
+
+
+@inlined
 def interpolation_error(h, path, first, z_tolerance, v_tolerance):
     """Error of the polynomial of degree eight kept for half of a step, over its tolerance.
 
@@ -361,6 +376,7 @@ def ladder_step(
         if iterations == 0:
             return 0, np.inf, np.inf
     product(row, ladder.advance, level, result)
+    add_forces_between(plant, work)
     total = 0.0
     for i in range(2 * path.shape[1] // 3):
         total += path[4, i]

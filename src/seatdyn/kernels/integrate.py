@@ -112,7 +112,9 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work)
         # the polynomial that found the break was less accurate
         g, slope = distance(plant, row, channel, end[:n2], base, end[n2:], side)
         better = reach - g / (slope * quarter)
-        if abs(g) <= tolerance or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0:
+        if abs(g) <= tolerance or not abs(better - reach) < NEARBY:
+            break
+        if not 0.0 < better <= 2.0 + NEARBY:
             break
         reach = better
     if abs(g) > MISSED * tolerance:
@@ -350,9 +352,10 @@ def integrate(
             if stop - t < reach * quarter - instant:
                 reach, row = (stop - t) / quarter, -1
             if not at_once:
-                # the half that the step ends in, and the quarters that it takes of that
-                last = 2 if reach * quarter > 2.0 * quarter + instant else 0
-                share = min(reach - last, 2.0)
+                # the half that the step ends in, and the quarters that it takes of that; the first
+                # half goes on a little rather than that the second be next to nothing
+                last = 2 if reach > 2.0 + NEARBY else 0
+                share = reach - last
                 whole = last + share == 4.0
                 if not whole:
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
