@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import seatdyn as sd
-from conftest import paper_system
+from conftest import oscillator, paper_system
 from seatdyn.analysis.ladder import _propagators
 from seatdyn.analysis.run import Problem, Settings
 from seatdyn.kernels import dense
@@ -127,3 +127,79 @@ def test_velocities_are_right_in_the_shortest_steps(parts, h):
     found = dense.states(record, marks, inside)
     np.testing.assert_allclose(found[:, 0], motion(inside)[0], rtol=1e-13)
     np.testing.assert_allclose(found[:, 1], motion(inside)[1], rtol=1e-10)
+
+
+def both(system, excitation, start, duration, rtol):
+    """The run by the ladder, and the one by Dormand-Prince steps at the tightest tolerance."""
+    runs = []
+    for settings in (Settings(rtol=rtol), Settings(rtol=1e-12, method="runge-kutta")):
+        problem = Problem.make(system, excitation.motion, settings)
+        runs.append(problem.run(0.0, duration, problem.start(np.array(start, dtype=float))))
+    return runs
+
+
+def worst_between_steps(ours, theirs, duration):
+    """Largest deviation of displacements and velocities at any time, over the largest of them."""
+    time = np.linspace(0.0, duration, 5001)
+    found, expected = ours.states(time), theirs.states(time)
+    n = found.shape[1] // 2
+    scale = np.repeat([np.abs(expected[:, :n]).max(), np.abs(expected[:, n:]).max()], n)
+    return float(np.max(np.abs(found - expected) / scale))
+
+
+def test_a_step_that_is_cut_ends_where_it_says():
+    """At a graze its place is corrected so often that the last correction came without a state."""
+    omega, natural, damping, depth = 2 * math.pi * 1.5, 2 * math.pi * 2.2, 1.4, 1e-9
+    answer = -1.0 / (natural**2 - omega**2 + 1j * omega * damping)
+    edge, sine = abs(answer) * (1 - depth), sd.Sine(1.5, amplitude=1.0)
+    seat = oscillator(
+        sd.Spring(natural**2), sd.Damper(damping), sd.PiecewiseSpring(natural**2, 1.0, edge)
+    )
+    start = answer.imag, (1j * omega * answer).imag + float(sine.velocity(0.0))
+    run = both(seat, sine, start, 1.0, 1e-11)[0]
+    first = 1 + int(np.argmax(np.any(np.diff(run.marks[:, :2], axis=0) != 0, axis=1)))
+    time, displacement = run.record[first, :2]
+    assert abs(displacement - float(sine.displacement(time)) - edge) < 1e-11 * edge
+    reached = (math.asin(1 - depth) - np.angle(answer)) % (2 * math.pi) / omega
+    assert abs(time - reached) < 1e-8
+
+
+def test_a_cut_step_keeps_its_solution_between_its_ends():
+    """Where light masses hang on stiff links, laws make large accelerations of tiny errors."""
+    body = sd.SeatedBody("light", {"n1": 0.002}, (sd.Link(("seat", "n1"), 1e6, 1e3),))
+    for damper in (sd.AsymmetricDamper(bump=600.0, rebound=200.0), sd.QuadraticDamper(500.0)):
+        system = sd.SeatSystem(body, sd.Seat(39.0, [sd.Spring(16e3), sd.Damper(100.0), damper]))
+        for rtol in (1e-3, 1e-5):
+            runs = both(system, sd.Step(0.07, 0.9), np.zeros(4), 4.0, rtol)
+            assert worst_between_steps(*runs, 4.0) < 20 * rtol
+
+
+def test_breaks_between_two_points_of_a_step_are_noticed():
+    """A cut before the second point: all later ones lay beyond two breaks, on another line."""
+    damper = sd.BalanceDamper(6761.73147713733, 178.27883485343824, 1797.5809648675076)
+    seat = sd.Seat(35.0, [sd.Spring(22390.0), sd.Damper(260.0), damper])
+    system = sd.SeatSystem(sd.load_body("fairley1989"), seat)
+    for level in (6.0, 7.0):
+        runs = both(system, sd.Sine(60.0, amplitude=level), (0.0, 0.0, 0.05, 0.05), 2.0, 1e-11)
+        assert worst_between_steps(*runs, 2.0) < 1e-9
+
+
+def test_friction_holds_what_the_base_begins_to_move():
+    """From the wrong side of a jump the motion came back within the first step, unseen."""
+    cushion = [sd.KelvinVoigt(35139.0, 804.0), sd.BinghamDamper(47.7, 317.0, dry=True)]
+    seat = sd.Seat(18.3, [sd.Spring(15935.0), sd.Damper(204.0)], cushion=cushion, cushion_mass=0.8)
+    system = sd.SeatSystem(sd.load_body("wei1998_1b"), seat)
+    start = np.zeros(2 * system.linear.size)
+    runs = both(system, sd.Sine(0.92, amplitude=4.0), start, 1.0, 1e-8)
+    assert runs[0].marks[0, 1] >= 0  # it is held
+    assert runs[0].events == runs[1].events
+    assert worst_between_steps(*runs, 1.0) < 1e-7
+
+
+def test_jumps_of_the_curvature_show_in_the_error():
+    """A table of cubics: its Legendre coefficients fall like powers, not by the same ratio."""
+    table = sd.TableSpring(np.linspace(-0.0173, 0.0173, 5), [-114.9, -79.2, 0.0, 79.2, 114.9])
+    seat = oscillator(sd.Spring(4700.0), sd.Damper(150.0), table, mass=30.0)
+    for level in (5.0, 8.0):
+        runs = both(seat, sd.Sine(60.0, amplitude=level), np.zeros(2), 1.0, 1e-8)
+        assert worst_between_steps(*runs, 1.0) < 1e-6

@@ -100,9 +100,21 @@ def slope(c, u):
     )
 
 
+@inlined
+def bend(c, u):
+    """Its second derivative."""
+    return 2 * c[2] + u * (
+        6 * c[3]
+        + u * (12 * c[4] + u * (20 * c[5] + u * (30 * c[6] + u * (42 * c[7] + u * (56 * c[8])))))
+    )
+
+
 @inner
 def state_within(k, u, path, first, y):
-    """State at u = -1 .. 1 of two quarters k of a step from number `first`; see `Work.path`."""
+    """State and acceleration at u = -1 .. 1 of two quarters k of a step; see `Work.path`.
+
+    They are those of the polynomial that begins with number `first`.
+    """
     n = path.shape[1] // 3
     start, middle, end = path[first], path[first + 1], path[first + 2]
     for q in range(n):
@@ -110,7 +122,7 @@ def state_within(k, u, path, first, y):
         c = octic(
             k, start[q], start[v], start[a], middle[q], middle[v], middle[a], end[q], end[v], end[a]
         )
-        y[q], y[v] = value(c, u), slope(c, u) / k
+        y[q], y[v], y[a] = value(c, u), slope(c, u) / k, bend(c, u) / (k * k)
 
 
 @inlined

@@ -47,10 +47,13 @@ NODES = 0.5 + 0.5 * np.array(
     [-1.0, *np.sort(np.polynomial.legendre.Legendre.basis(LATER).deriv().roots()), 1.0]
 )
 PLACES = np.array([*NODES, 0.25, 0.75])  # where the base motion is known
+OTHERS = NODES - NODES[:, None] + np.eye(POINTS)
+LAGRANGE = 1.0 / np.prod(OTHERS, axis=0)  # one over the product of the ways from the other points
 QUARTERS = np.array([0, POINTS, LATER // 2, POINTS + 1, LATER])  # those at 0, 1/4, 1/2, 3/4, 1
 ITERATIONS = 12
 SMALL_CHANGE = 0.1  # of the tolerance, the effect of a change of the forces that is small
 FIRST_CHANGE = 0.02  # of the tolerance: small enough to accept without knowing the ratio
+BY_CHANCE = 0.1  # of the larger of two Legendre coefficients: the other is this small by chance
 ROUNDING = 4e-16
 UNKNOWN = -1  # level of what says nothing about the forces to come
 
@@ -97,7 +100,8 @@ class Work(NamedTuple):
     past: np.ndarray  # (3m, 8) new forces, those of the iteration before, change over what is small
     beyond: np.ndarray  # (2, 8) b and s of `plant.reflection` at the later points
     sizes: np.ndarray  # (2, inputs) of what a constant and an eighth polynomial stand for
-    spare: np.ndarray  # (2, 3N) two more states and accelerations
+    spare: np.ndarray  # (3, 3N) three more states and accelerations
+    trial: np.ndarray  # (m,) forces at the end of a step that is cut
     six: np.ndarray  # (6,)
 
 
@@ -107,7 +111,7 @@ LADDER = types.NamedTuple(
 WORK = types.NamedTuple(
     [
         TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
-        VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR,
+        VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
     ],
     Work,
 )  # fmt: skip
@@ -140,7 +144,8 @@ def make_work(ladder, y, side, held):
         np.zeros((3 * m, LATER)),
         np.zeros((2, LATER)),
         np.zeros((2, ladder.response.shape[2])),
-        np.zeros((2, n3)),
+        np.zeros((3, n3)),
+        np.zeros(m),
         np.zeros(6),
     )
 
@@ -284,9 +289,10 @@ def collocate(plant, ladder, level, work):
 def truncation(ladder, level, z_tolerance, v_tolerance, work):
     """Error by what the polynomials through the points miss of the inputs, over its tolerance.
 
-    The Legendre coefficients of an input fall by about a ratio r each; r^2 is the larger ratio of
-    c5, c6 to c3, c4 and of c7, c8 to c5, c6, since odd or even ones may be missing. c is c8, or
-    what one of the three before makes expect. At the Lobatto points the ninth polynomial looks like
+    The Legendre coefficients of an input fall by about a ratio r each; r^2 is the largest ratio of
+    c5, c6 to c3, c4, since odd or even ones may be missing, of c7 to c5 and of c8 to c6: where a
+    curvature jumps these last ones hardly fall any more. c is c8, or what one of the three before
+    makes expect. At the Lobatto points the ninth polynomial looks like
     the seventh, and the sixteenth like a constant, which has the full effect on the end state:
     r c R7 + r^8 c R0. For smooth laws r is small; at a corner it is near one.
     """
@@ -303,7 +309,8 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
         c7, c8 = abs(member_of(total, 4)), abs(member_of(total, 5))
         first = max(abs(member_of(total, 0)), abs(member_of(total, 1)), 1e-300)
         second = max(c5, c6, 1e-300)
-        r = math.sqrt(min(1.0, max(second / first, max(c7, c8) / second)))
+        odd, even = c7 / max(c5, BY_CHANCE * second), c8 / max(c6, BY_CHANCE * second)
+        r = math.sqrt(min(1.0, max(second / first, odd, even)))
         last = max(c8, r * c7, r**2 * c6, r**3 * c5)
         sizes[1, j] = r * last
         sizes[0, j] = r**8 * last
@@ -399,6 +406,28 @@ def remember(level, origin, work):
     for j in range(m):
         store(work.memory, origin * m + j, load(work.later, j))
     work.memory_level[origin] = level
+
+
+@takes(REAL, AT_WORK)
+@stage
+def keeps_forces(place, work):
+    """Whether the polynomials of the forces at `place` (0..1) of a step are the laws in `trial`.
+
+    Beyond a break laws go on by reflection, which is another law where several breaks meet. A step
+    that is cut before its first point behind the start has seen nothing else.
+    """
+    force, later = work.force, work.later
+    for j in range(force.size):
+        missing = work.trial[j]
+        for q in range(POINTS):
+            share = LAGRANGE[q]
+            for p in range(POINTS):
+                if p != q:
+                    share *= place - NODES[p]
+            missing -= share * (force[j] if q == 0 else later[j, q - 1])
+        if not SMALL_CHANGE * place * work.weight[j] * abs(missing) <= 1.0:
+            return False
+    return True
 
 
 @takes(AT_WORK)

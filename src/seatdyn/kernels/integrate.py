@@ -97,34 +97,32 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work)
     """End half of a ladder step, from quarter `first` at t on, after `reach` quarters.
 
     With `row` >= 0 it ends on that break nearby. What the work says of the half becomes that of the
-    shorter one; returns the reach, or 0 if the break is not met there: what found it was too rough
-    for so long a step.
+    shorter one, its accelerations those of the polynomial: what keeps it is still the same. Those
+    of the laws at the end go to `spare[2]`. Returns the reach, or 0 if the break is not met there,
+    or if the forces are not those of the laws: what found it was too rough for so long a step.
     """
-    path, spare, side, held = work.path, work.spare, work.side, work.held
+    path, spare, side, held, force = work.path, work.spare, work.side, work.held, work.trial
     n2 = 2 * path.shape[1] // 3
-    end, middle, g = spare[0], spare[1], 0.0
-    for _ in range(CORRECTIONS):
+    end, middle, acceleration, g = spare[0], spare[1], spare[2, : n2 // 2], 0.0
+    for correction in range(CORRECTIONS):
         state_within(quarter, reach - 1.0, path, first, end)
         base = base_motion(plant, t + reach * quarter, segment)
-        accelerations(plant, base, end[:n2], side, held, end[n2:], work.force)
+        accelerations(plant, base, end[:n2], side, held, acceleration, force)
         if row < 0:
             break
         # the polynomial that found the break was less accurate
-        g, slope = distance(plant, row, channel, end[:n2], base, end[n2:], side)
+        g, slope = distance(plant, row, channel, end[:n2], base, acceleration, side)
         better = reach - g / (slope * quarter)
-        if abs(g) <= tolerance or not abs(better - reach) < NEARBY:
-            break
-        if not 0.0 < better <= 2.0 + NEARBY:
+        settled = abs(g) <= tolerance or correction == CORRECTIONS - 1
+        if settled or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0 + NEARBY:
             break
         reach = better
-    if abs(g) > MISSED * tolerance:
+    if abs(g) > MISSED * tolerance or not ex.keeps_forces(0.25 * (first + reach), work):
         return 0.0
     state_within(quarter, 0.5 * reach - 1.0, path, first, middle)
     copy(end, path[first + 2])
     copy(middle, path[first + 1])
-    base = base_motion(plant, t + 0.5 * reach * quarter, segment)
-    between = path[first + 1]
-    accelerations(plant, base, between[:n2], side, held, between[n2:], work.weight)
+    copy(force, work.force)
     return reach
 
 
@@ -383,6 +381,8 @@ def integrate(
                 )
                 steps += 2
                 copy(arrays.path[last + 2], start)
+                if not whole:
+                    copy(arrays.spare[2, :n], a0)
                 t = stop if stop - (t + h) <= instant else t + h
                 patience -= 1
                 easy = gap < DOUBLE_INTERPOLATION and truncation < DOUBLE_TRUNCATION
@@ -493,6 +493,7 @@ SHARES = Shares(
         first_break,
         ex.ladder_step,
         ex.keep_forces,
+        ex.keeps_forces,
         ex.remember,
         save_step,
         save_half,
