@@ -170,3 +170,15 @@ def test_quadratic_decay_of_one_mass():
         system, sd.Still(), 4.0, initial=[1.0, 0.0], settings=Settings(rtol=1e-11), output_step=1e-4
     )
     assert float(run.displacement.min()) == pytest.approx(-0.593624260, abs=2e-9)
+
+
+@pytest.mark.parametrize("body", ["ksiazek1997_back_off", "stech1969_dri"])
+@pytest.mark.parametrize("frequency", [0.5, 1.55, 8.0])
+def test_every_amplitude_of_a_linear_seat_is_that_of_its_frequency_response(body, frequency):
+    """Accelerations of light nodes, too, and peaks wherever in a step of a whole period."""
+    sine = sd.Sine(frequency, amplitude=0.8857)
+    system = paper_system(body=body)
+    timed = sd.steady_state(system, sine, method="time")
+    exact = sd.steady_state(system, sine, method="hb", tolerance=1e-10)
+    assert exact.attrs["method"] == "hb"
+    np.testing.assert_allclose(timed.amplitude, exact.amplitude, rtol=timed.attrs["error_estimate"])

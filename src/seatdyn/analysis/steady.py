@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 MOST_STEPS = 500_000  # of one period
 DEFAULT = Settings(rtol=1e-9, max_steps=MOST_STEPS)
 SHARES = np.linspace(0.0, 1.0, 13)  # of a step, where extrema are looked for
-REFINED = 33  # points around each extremum on the second look
+REFINED, CLOSER = 33, 17  # points around each extremum on the second look, and on the third
 TOLERANCE, BALANCE_TOLERANCE = 1e-9, 1e-6  # where none is given; the latter for "hb" alone
 LONGEST_SUBHARMONIC = 8  # periods
 ALTERNATING = 1e-4  # change over one period, relative, of a subharmonic that is taken for one
@@ -238,6 +238,11 @@ def _of_orbit(
     """What is told of an orbit, or of the reason why there is none."""
     system, rtol = problem.system, problem.settings.rtol
     if orbit.status is Status.CONVERGED and orbit.run is not None:
+        # accelerations of light nodes are less accurate than the motion: the period that is told
+        # has finer steps than those that led there
+        finer = sharper(problem).run(0.0, orbit.period, orbit.run.end)
+        if finer.status is Status.OK:
+            orbit.run = finer
         balance = energy_balance(orbit.run)
         orbit.residual = balance.residual
         if not balance.closes(rtol):
@@ -466,7 +471,8 @@ def extrema(run: Run) -> tuple[dict[str, float], dict[str, float]]:
     """Maximum and minimum of every output over the run, one-sided limits at jumps included.
 
     The run is one period of a periodic motion. Every step is looked at in 13 points; then the step
-    of each extremum and its neighbours are looked at again on a finer grid, never across a jump.
+    of each extremum and its neighbours on a finer grid, never across a jump, and the place of the
+    extremum on a third one: steps may be so long that a parabola misses it on the second.
     """
     system, steps = run.problem.system, run.steps
     coarse = named_outputs(system, run.in_steps(SHARES))
@@ -477,10 +483,16 @@ def extrema(run: Run) -> tuple[dict[str, float], dict[str, float]]:
             rows += [(step - 1) % steps, step, (step + 1) % steps]
     shares = np.linspace(0.0, 1.0, REFINED)
     samples = run.sample(np.repeat(rows, REFINED), np.tile(shares, len(rows)))
-    fine = named_outputs(system, samples)
-    high, low = {}, {}
-    for i, (name, values) in enumerate(fine.items()):
+    parts = []
+    for i, values in enumerate(named_outputs(system, samples).values()):
         by_step = values.reshape(-1, REFINED)[6 * i : 6 * i + 6]
+        peaks = np.append(np.argmax(by_step[:3], axis=1), np.argmin(by_step[3:], axis=1))
+        before = shares[np.clip(peaks - 1, 0, REFINED - 3)]
+        parts.append(before[:, None] + np.linspace(0.0, 2.0 / (REFINED - 1), CLOSER))
+    closest = run.sample(np.repeat(rows, CLOSER), np.clip(np.concatenate(parts), 0, 1).ravel())
+    high, low = {}, {}
+    for i, (name, values) in enumerate(named_outputs(system, closest).items()):
+        by_step = values.reshape(-1, CLOSER)[6 * i : 6 * i + 6]
         high[name] = max(_vertex(row) for row in by_step[:3])
         low[name] = -max(_vertex(-row) for row in by_step[3:])
     return high, low
@@ -528,7 +540,7 @@ def _dataset(problem: Problem, orbit: Orbit) -> xr.Dataset:
     if not system.delays:  # with these a state is more than its numbers of the moment
         scales = orbit_scales(problem, orbit.run)
         start = orbit.run.record[0, 1 : 1 + scales.size]
-        jacobian = period_map(problem, orbit.period, orbit.run, start, scales)
+        jacobian = period_map(orbit.run.problem, orbit.period, orbit.run, start, scales)
         if np.all(np.isfinite(jacobian)):
             multipliers = sorted_multipliers(jacobian)
     data = to_dataset(system, samples)
