@@ -24,7 +24,7 @@ from seatdyn.kernels.columns import (
     ON_VELOCITY,
     VALUE,
 )
-from seatdyn.kernels.jit import allocating_stage, inlined, stage, takes
+from seatdyn.kernels.jit import allocating_stage, inlined, inner, stage, takes
 from seatdyn.kernels.plant import AT_PLANT, channel_force, reflection, relative, segment_motion
 from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
@@ -408,8 +408,7 @@ def remember(level, origin, work):
     work.memory_level[origin] = level
 
 
-@takes(REAL, AT_WORK)
-@stage
+@inner
 def keeps_forces(place, work):
     """Whether the polynomials of the forces at `place` (0..1) of a step are the laws in `trial`.
 

@@ -493,7 +493,6 @@ SHARES = Shares(
         first_break,
         ex.ladder_step,
         ex.keep_forces,
-        ex.keeps_forces,
         ex.remember,
         save_step,
         save_half,
