@@ -373,13 +373,10 @@ def integrate(
                 if whole:
                     ex.keep_forces(work)
                 level_before = np.int64(fit if whole else -1)
-                if last > 0:
-                    save_half(record, marks, steps, t, quarter, 0, work)
+                for first in range(0, last + 1, 2):
+                    size = quarter if first < last else 0.5 * share * quarter
+                    save_half(record, marks, steps, t + first * quarter, size, first, work)
                     steps += 2
-                save_half(
-                    record, marks, steps, t + last * quarter, 0.5 * share * quarter, last, work
-                )
-                steps += 2
                 copy(arrays.path[last + 2], start)
                 if not whole:
                     copy(arrays.spare[2, :n], a0)
