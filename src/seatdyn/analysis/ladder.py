@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 TERMS, SMALL = 16, 0.5  # of the series, and the norm of h A that they are enough for
 MOST_EXACT_SINES = 8  # each adds two rows to every matrix
 LATEST = POINTS - 6  # the last six Legendre coefficients tell how well a polynomial fits
-TO_LEGENDRE = np.linalg.inv(np.polynomial.legendre.legvander(2 * NODES - 1, LATER))
 LEGENDRE = np.polynomial.legendre.legvander(2 * NODES - 1, LATER)
+TO_LEGENDRE = np.linalg.inv(LEGENDRE)
 
 
 def _values(places: Array, degree: int = LATER) -> Array:
@@ -57,8 +57,8 @@ def _moments() -> Array:
 
 MOMENTS = _moments()
 POWERS = PLACES[1:] ** np.arange(TERMS)[:, None] / [[math.factorial(k)] for k in range(TERMS)]
-HALVES = _values(0.5 * (PLACES[1:, None] + NODES))  # S(x) of the later places
-FIRST_HALF = _values(0.5 * NODES)  # S(0)
+SECOND_STEP = _values(0.5 * (PLACES[1:, None] + NODES))  # S(x) of the later places
+FIRST_STEP = _values(0.5 * NODES)  # S(0)
 RATIOS = 2.0 ** np.arange(1, -LEVELS, -1)  # of the step to the one before
 ONWARD_DEGREE = 4  # of what is carried on beyond its step: higher ones only carry on errors
 ONWARD = _values(1 + RATIOS[:, None] * NODES[1:], ONWARD_DEGREE).swapaxes(1, 2)
@@ -151,9 +151,9 @@ def _propagators(a: Array, g: Array, steps: Array) -> tuple[Array, Array]:
     for level in range(-smaller, steps.size):
         if level >= 0:
             all_free[level], all_driven[level] = np.eye(size) + change, driven
-        first = driven @ FIRST_HALF
+        first = driven @ FIRST_STEP
         more = (change @ first.reshape(*change.shape[:2], -1)).reshape(driven.shape)
-        driven = first + more + driven @ HALVES[:, None]
+        driven = first + more + driven @ SECOND_STEP[:, None]
         change = 2 * change + change @ change
     return all_free, all_driven
 

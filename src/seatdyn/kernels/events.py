@@ -80,7 +80,7 @@ def bernstein_value(b, degree, s):
 
 
 @inlined
-def dip(b):
+def depth_of_dip(b):
     """How far a quintic that begins to fall does so before it rises, by its first three terms."""
     fall, bend = 5.0 * (b[0] - b[1]), 10.0 * (b[0] - 2.0 * b[1] + b[2])
     return 0.25 * fall * fall / max(bend, 0.5 * fall) if fall > 0.0 else 0.0
@@ -104,7 +104,7 @@ def first_zero(b, tolerance):
         # falls by no more than roundings, with a rise after it, is none
         rises = b[1] >= -tolerance and b[2] > tolerance
         if b[1] - b[0] <= 0.0 and not rises:
-            return 0.0 if b[5] < -tolerance or dip(b) > tolerance else 2.0
+            return 0.0 if b[5] < -tolerance or depth_of_dip(b) > tolerance else 2.0
         degree = 4
         for i in range(5):
             b[i] = 5.0 / (i + 1) * b[i + 1]

@@ -292,9 +292,9 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
     The Legendre coefficients of an input fall by about a ratio r each; r^2 is the largest ratio of
     c5, c6 to c3, c4, since odd or even ones may be missing, of c7 to c5 and of c8 to c6: where a
     curvature jumps these last ones hardly fall any more. c is c8, or what one of the three before
-    makes expect. At the Lobatto points the ninth polynomial looks like
-    the seventh, and the sixteenth like a constant, which has the full effect on the end state:
-    r c R7 + r^8 c R0. For smooth laws r is small; at a corner it is near one.
+    makes expect. At the Lobatto points the ninth polynomial looks like the seventh, and the
+    sixteenth like a constant, which has the full effect on the end state: r c R7 + r^8 c R0. For
+    smooth laws r is small; at a corner it is near one.
     """
     row, sizes, response = work.row, work.sizes, ladder.response
     m, inputs, n2 = work.force.size, response.shape[2], response.shape[3]
