@@ -13,11 +13,11 @@ from seatdyn.kernels.plant import (
     PLANT,
     accelerations,
     base_motion,
-    on_side,
     relative,
     segment_at,
 )
 from seatdyn.kernels.shapes import INTEGER, INTEGER_TABLE, INTEGERS, TABLE, VECTOR
+from seatdyn.kernels.sides import on_side
 
 # numpy's integers, for which functions are not compiled one by one as for those of Python
 SINGLE, FIRST_HALF, SECOND_HALF = np.arange(

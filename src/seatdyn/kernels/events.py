@@ -6,8 +6,9 @@ import numpy as np
 
 from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.jit import inlined, inner, stage, takes
-from seatdyn.kernels.plant import AT_PLANT, relative, relative_acceleration, sum_of_laws
+from seatdyn.kernels.plant import AT_PLANT, relative, relative_acceleration
 from seatdyn.kernels.shapes import BASE, INTEGERS, REAL, VECTOR
+from seatdyn.kernels.sides import sum_of_laws
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
 TOUCH = 1e-6  # of a step: a dip narrower than this is none

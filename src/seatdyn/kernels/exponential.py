@@ -13,23 +13,11 @@ import numpy as np
 from numba import types
 
 from seatdyn.kernels.address import Address, at
-from seatdyn.kernels.call import add_forces
-from seatdyn.kernels.columns import (
-    BREAKS,
-    ELEMENTS,
-    IS_JUMP,
-    LANES_ADDRESS,
-    OFFSET,
-    ON_DISPLACEMENT,
-    ON_VELOCITY,
-    VALUE,
-)
 from seatdyn.kernels.jit import allocating_stage, inlined, inner, stage, takes
-from seatdyn.kernels.plant import AT_PLANT, channel_force, reflection, relative, segment_motion
+from seatdyn.kernels.plant import AT_PLANT, relative, segment_motion
 from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
     WIDTH,
-    any_larger,
     largest_of,
     load,
     member_of,
@@ -39,6 +27,7 @@ from seatdyn.kernels.rows import (
     where_larger,
 )
 from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGERS, REAL, STACK, TABLE, VECTOR
+from seatdyn.kernels.sides import channel_force, channel_rows
 
 LEVELS = 17  # step sizes of the ladder, each twice the one before
 LATER = WIDTH  # Lobatto points of a step behind its start
@@ -98,7 +87,7 @@ class Work(NamedTuple):
     known: np.ndarray  # (2m, 8)
     motion: np.ndarray  # (2m, 8) d and v across the channels at the later points
     past: np.ndarray  # (3m, 8) new forces, those of the iteration before, change over what is small
-    beyond: np.ndarray  # (2, 8) b and s of `plant.reflection` at the later points
+    on_break: np.ndarray  # (3, 8) displacements and velocities on a break, and forces there
     sizes: np.ndarray  # (2, inputs) of what a constant and an eighth polynomial stand for
     spare: np.ndarray  # (3, 3N) three more states and accelerations
     trial: np.ndarray  # (m,) forces at the end of a step that is cut
@@ -142,7 +131,7 @@ def make_work(ladder, y, side, held):
         np.zeros((2 * m, LATER)),
         np.zeros((2 * m, LATER)),
         np.zeros((3 * m, LATER)),
-        np.zeros((2, LATER)),
+        np.zeros((3, LATER)),
         np.zeros((2, ladder.response.shape[2])),
         np.zeros((3, n3)),
         np.zeros(m),
@@ -205,41 +194,6 @@ def guess_forces(plant, ladder, level, level_before, origin, z_tolerance, v_tole
 
 
 @inlined
-def is_beyond(plant, j, work):
-    """Whether channel j is beyond one of its breaks, or on a jump, at some later point."""
-    d, v, side = load(work.motion, 2 * j), load(work.motion, 2 * j + 1), work.side
-    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-        p, q = side[r] * plant.breaks[r, ON_DISPLACEMENT], side[r] * plant.breaks[r, ON_VELOCITY]
-        limit = side[r] * plant.breaks[r, VALUE]
-        if plant.breaks[r, IS_JUMP] == 1:
-            limit = np.nextafter(limit, np.inf)
-        if any_larger(limit, p * d + q * v):
-            return True
-    return False
-
-
-@inlined
-def later_forces(plant, j, work):
-    """New forces of channel j at the later points, from the motion there."""
-    elements, motion, new, beyond = plant.elements, work.motion, work.past, work.beyond
-    outside = is_beyond(plant, j, work)
-    if outside:
-        for i in range(LATER):
-            beyond[0, i], beyond[1, i], motion[2 * j, i], motion[2 * j + 1, i] = reflection(
-                plant, j, motion[2 * j, i], motion[2 * j + 1, i], work.side
-            )
-    store(new, j, 0.0)
-    place = 2 * j * LATER
-    for e in range(plant.channels[j, ELEMENTS], plant.channels[j + 1, ELEMENTS]):
-        address, offset = elements[e, LANES_ADDRESS], elements[e, OFFSET]
-        add_forces(
-            address, LATER, motion, place, place + LATER, plant.parameters, offset, new, j * LATER
-        )
-    if outside:
-        store(new, j, load(beyond, 0) + load(beyond, 1) * load(new, j))
-
-
-@inlined
 def collocate(plant, ladder, level, work):
     """Iterate the channel forces at the later points until they repeat.
 
@@ -259,7 +213,7 @@ def collocate(plant, ladder, level, work):
             store(motion, c, total)
         squares, up, down = spread(0.0), spread(0.0), spread(0.0)
         for j in range(m):
-            later_forces(plant, j, work)
+            channel_rows(plant, j, motion, work.side, past, work.on_break)
             size = work.weight[j] * (load(past, j) - load(later, j))
             turn = size - load(past, 2 * m + j)
             up = up + size * turn

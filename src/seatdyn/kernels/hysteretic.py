@@ -38,11 +38,11 @@ from seatdyn.kernels.memory import (
 from seatdyn.kernels.plant import (
     FREE,
     base_motion,
-    on_side,
     relative,
     segment_at,
 )
 from seatdyn.kernels.runge_kutta import A, C, E
+from seatdyn.kernels.sides import on_side
 
 OK, CHATTERING, DIVERGED, STEP_LIMIT, STEP_TOO_SMALL = range(5)  # as in `integrate`
 LARGEST = 1e9  # m, m/s: no seat moves that far

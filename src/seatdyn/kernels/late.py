@@ -31,13 +31,11 @@ from seatdyn.kernels.past import (
     states_in_row,
 )
 from seatdyn.kernels.plant import (
-    channel_force,
     hold,
     is_holding,
-    on_side,
     relative,
-    sum_of_laws,
 )
+from seatdyn.kernels.sides import channel_force, on_side, sum_of_laws
 
 
 @inlined

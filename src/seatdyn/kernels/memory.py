@@ -15,11 +15,11 @@ from seatdyn.kernels.jit import inner
 from seatdyn.kernels.plant import (
     FREE,
     base_motion,
-    channel_force,
     hold,
     is_holding,
     relative,
 )
+from seatdyn.kernels.sides import channel_force
 
 HELD = 2  # side of a jump that the state rests on
 FORCE, RATE, PARAMETERS, STATES = range(4)  # columns of `laws`

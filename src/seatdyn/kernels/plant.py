@@ -9,21 +9,10 @@ import numpy as np
 from numba import types
 
 from seatdyn.kernels.address import Address, at
-from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import (
-    ADDRESS,
-    BREAKS,
-    ELEMENTS,
-    FIRST,
-    IS_JUMP,
-    OFFSET,
-    ON_DISPLACEMENT,
-    ON_VELOCITY,
-    SECOND,
-    VALUE,
-)
+from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.jit import allocating, inlined, inner, stage, takes
 from seatdyn.kernels.shapes import BASE, INTEGER, INTEGER_TABLE, INTEGERS, REAL, TABLE, VECTOR
+from seatdyn.kernels.sides import channel_force
 
 FREE = -1  # a channel that is not held at a jump
 
@@ -114,66 +103,6 @@ def relative_acceleration(plant, j, acceleration, a0):
     """Second derivative of the displacement across channel j."""
     a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
     return (acceleration[b] if b >= 0 else a0) - (acceleration[a] if a >= 0 else a0)
-
-
-@inlined
-def on_side(plant, j, d, v, side):
-    """Move (d, v) of channel j to the side of its jumps that the run is on, by one rounding."""
-    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-        if plant.breaks[r, IS_JUMP] == 0:
-            continue
-        edge = np.nextafter(plant.breaks[r, VALUE], side[r] * np.inf)
-        if plant.breaks[r, ON_DISPLACEMENT] != 0.0:
-            d = max(d, edge) if side[r] > 0 else min(d, edge)
-        else:
-            v = max(v, edge) if side[r] > 0 else min(v, edge)
-    return d, v
-
-
-@inlined
-def sum_of_laws(plant, j, d, v):
-    """Sum of the forces of the elements of channel j."""
-    elements, parameters = plant.elements, plant.parameters
-    first, total = plant.channels[j, ELEMENTS], 0.0
-    for e in range(first, plant.channels[j + 1, ELEMENTS]):
-        force = call_law(elements[e, ADDRESS], d, v, parameters, elements[e, OFFSET])
-        total = force if e == first else total + force  # most channels have one: nothing to add
-    return total
-
-
-@inlined
-def reflection(plant, j, d, v, side):
-    """What a force beyond a break is, as (b, s, d, v): b + s F(d, v), F the sum of the laws.
-
-    On the run's side of all breaks it is F at the point itself, b = 0 and s = 1. Beyond a break it
-    is twice the force on the break, less F at the point reflected in it.
-    """
-    beyond, excess = -1, 0.0
-    for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-        p, q = plant.breaks[r, ON_DISPLACEMENT], plant.breaks[r, ON_VELOCITY]
-        g = p * d + q * v - plant.breaks[r, VALUE]
-        # a law that jumps may not be asked for its value at the jump
-        if side[r] * g < 0.0 or (g == 0.0 and plant.breaks[r, IS_JUMP] == 1):
-            beyond, excess = r, g
-    if beyond < 0:
-        return 0.0, 1.0, d, v
-    p, q = plant.breaks[beyond, ON_DISPLACEMENT], plant.breaks[beyond, ON_VELOCITY]
-    d_out, v_out = (excess / p, 0.0) if p != 0.0 else (0.0, excess / q)
-    x, w = on_side(plant, j, d - d_out, v - v_out, side)
-    twice = 2.0 * sum_of_laws(plant, j, x, w)
-    x, w = on_side(plant, j, d - 2.0 * d_out, v - 2.0 * v_out, side)
-    return twice, -1.0, x, w
-
-
-@inlined
-def channel_force(plant, j, d, v, side):
-    """Force of channel j on the side of its breaks that the run is on.
-
-    Beyond a break it goes on as its own reflection in the point on the break, which is smooth for
-    smooth laws and exact for linear ones: a step may then reach over a break and be cut there.
-    """
-    twice, sign, d, v = reflection(plant, j, d, v, side)
-    return twice + sign * sum_of_laws(plant, j, d, v)
 
 
 @inner

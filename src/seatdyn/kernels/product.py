@@ -13,6 +13,7 @@ from numba.extending import intrinsic
 
 CONTRACT = ("contract",)  # a product and a sum may be one instruction
 WIDTH = 8  # columns that are summed up side by side; matrices have a multiple of it
+TOGETHER = (4, 2, 1)  # such sums at once: a single one waits for its own last addition
 
 
 @intrinsic
@@ -33,15 +34,15 @@ def product(typingctx, row, matrices, index, result):
         )
         vector = ir.VectorType(ir.DoubleType(), WIDTH)
         first = builder.gep(table.data, [builder.mul(args[2], builder.mul(rows, columns))])
-        total = cgutils.alloca_once(builder, vector)
-        width = ir.Constant(columns.type, WIDTH)
 
-        def at(pointer, place):
+        def at(pointer, place, block):
             """Pointer to WIDTH numbers; they need not be aligned."""
+            place = builder.add(place, ir.Constant(columns.type, WIDTH * block))
             return builder.bitcast(builder.gep(pointer, [place]), vector.as_pointer())
 
-        with cgutils.for_range_slice(builder, columns.type(0), columns, width) as (column, _):
-            builder.store(ir.Constant(vector, [0.0] * WIDTH), total)
+        def sum_up(column, totals):
+            for total in totals:
+                builder.store(ir.Constant(vector, [0.0] * WIDTH), total)
             with cgutils.for_range(builder, rows) as loop:
                 x = builder.load(builder.gep(start, [loop.index]))
                 one = builder.insert_element(
@@ -51,16 +52,23 @@ def product(typingctx, row, matrices, index, result):
                     one, one, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
                 )
                 place = builder.add(builder.mul(loop.index, columns), column)
-                entries = builder.load(at(first, place), align=8)
-                builder.store(
-                    builder.fadd(
-                        builder.load(total),
-                        builder.fmul(all_x, entries, flags=CONTRACT),
-                        flags=CONTRACT,
-                    ),
-                    total,
-                )
-            builder.store(builder.load(total), at(end, column), align=8)
+                for block, total in enumerate(totals):
+                    entries = builder.load(at(first, place, block), align=8)
+                    change = builder.fmul(all_x, entries, flags=CONTRACT)
+                    builder.store(
+                        builder.fadd(builder.load(total), change, flags=CONTRACT), total
+                    )
+            for block, total in enumerate(totals):
+                builder.store(builder.load(total), at(end, column, block), align=8)
+
+        begin = columns.type(0)
+        for blocks in TOGETHER:
+            totals = [cgutils.alloca_once(builder, vector) for _ in range(blocks)]
+            size = ir.Constant(columns.type, WIDTH * blocks)
+            stop = builder.mul(builder.sdiv(columns, size), size)
+            with cgutils.for_range_slice(builder, begin, stop, size, inc=True) as (column, _):
+                sum_up(column, totals)
+            begin = stop
         return context.get_dummy_value()
 
     return signature, codegen
