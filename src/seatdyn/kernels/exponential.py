@@ -26,7 +26,7 @@ from seatdyn.kernels.rows import (
     sum_of,
     where_larger,
 )
-from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGERS, REAL, STACK, TABLE, VECTOR
+from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGER_TABLE, INTEGERS, REAL, STACK, TABLE, VECTOR
 from seatdyn.kernels.sides import channel_force, channel_rows
 
 LEVELS = 17  # step sizes of the ladder, each twice the one before
@@ -36,6 +36,7 @@ NODES = 0.5 + 0.5 * np.array(
     [-1.0, *np.sort(np.polynomial.legendre.Legendre.basis(LATER).deriv().roots()), 1.0]
 )
 PLACES = np.array([*NODES, 0.25, 0.75])  # where the base motion is known
+SPACING = 0.2  # of the points, at most
 OTHERS = NODES - NODES[:, None] + np.eye(POINTS)
 LAGRANGE = 1.0 / np.prod(OTHERS, axis=0)  # one over the product of the ways from the other points
 QUARTERS = np.array([0, POINTS, LATER // 2, POINTS + 1, LATER])  # those at 0, 1/4, 1/2, 3/4, 1
@@ -83,6 +84,7 @@ class Work(NamedTuple):
     before: np.ndarray  # (m, 9) forces at the points of the step before
     memory: np.ndarray  # (2b m, 8) later forces of the last steps that began on a break
     memory_level: np.ndarray  # (2b,) the levels of those steps
+    refused: np.ndarray  # (2, 2b) times that steps from there were, and how many more to wait
     weight: np.ndarray  # (m,) 1/N, one over the change of a force that is small
     known: np.ndarray  # (2m, 8)
     motion: np.ndarray  # (2m, 8) d and v across the channels at the later points
@@ -100,7 +102,7 @@ LADDER = types.NamedTuple(
 WORK = types.NamedTuple(
     [
         TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
-        VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
+        INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
     ],
     Work,
 )  # fmt: skip
@@ -127,6 +129,7 @@ def make_work(ladder, y, side, held):
         np.zeros((m, POINTS)),
         np.zeros((2 * side.size * m, LATER)),
         np.full(2 * side.size, UNKNOWN),
+        np.zeros((2, 2 * side.size), np.int64),
         np.zeros(m),
         np.zeros((2 * m, LATER)),
         np.zeros((2 * m, LATER)),
@@ -362,12 +365,31 @@ def remember(level, origin, work):
     work.memory_level[origin] = level
 
 
+@inlined
+def bold_level(origin, level, work):
+    """Level of a step that begins on a break: one more than before, but after a refusal there."""
+    level = max(level, work.memory_level[origin])
+    if work.refused[1, origin] > 0:
+        work.refused[1, origin] -= 1
+        return level
+    return min(level + 1, LEVELS - 1)
+
+
+@inlined
+def be_patient(origin, work):
+    """After a refused step from a break: wait twice as often as before the next longer one."""
+    if origin >= 0:
+        work.refused[0, origin] = 2 * work.refused[0, origin] + 1
+        work.refused[1, origin] = work.refused[0, origin]
+
+
 @inner
 def keeps_forces(place, work):
     """Whether the polynomials of the forces at `place` (0..1) of a step are the laws in `trial`.
 
     Beyond a break laws go on by reflection, which is another law where several breaks meet. A step
-    that is cut before its first point behind the start has seen nothing else.
+    that is cut before its first point behind the start has seen nothing else. What is missing at
+    `place` is wrong since the last point before it.
     """
     force, later = work.force, work.later
     for j in range(force.size):
@@ -378,7 +400,7 @@ def keeps_forces(place, work):
                 if p != q:
                     share *= place - NODES[p]
             missing -= share * (force[j] if q == 0 else later[j, q - 1])
-        if not SMALL_CHANGE * place * work.weight[j] * abs(missing) <= 1.0:
+        if not SMALL_CHANGE * min(place, SPACING) * work.weight[j] * abs(missing) <= 1.0:
             return False
     return True
 

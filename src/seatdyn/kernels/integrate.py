@@ -15,7 +15,7 @@ import numpy as np
 
 from seatdyn.kernels import exponential as ex
 from seatdyn.kernels.address import address_of, keep
-from seatdyn.kernels.columns import IS_JUMP
+from seatdyn.kernels.columns import BREAKS, IS_JUMP
 from seatdyn.kernels.dense import (
     FIRST_HALF,
     SINGLE,
@@ -76,8 +76,11 @@ def copy(source, target):
 @takes(AT_PLANT, REAL, REAL, REAL, ex.AT_WORK)
 @stage
 def first_break(plant, quarter, z_scale, v_scale, work):
-    """Earliest break met in a ladder step, in quarters (4: none), its row and channel."""
-    path, base = work.path, work.base
+    """Earliest break met in a ladder step, in quarters (4: none), its row and channel.
+
+    One that will be met just behind the end counts: the next step would be next to nothing.
+    """
+    path, base, side = work.path, work.base, work.side
     n2 = 2 * path.shape[1] // 3
     for part in range(4):
         start, end = path[part], path[part + 1]
@@ -88,7 +91,15 @@ def first_break(plant, quarter, z_scale, v_scale, work):
         )  # fmt: skip
         if row >= 0:
             return part + share, row, channel
-    return 4.0, -1, -1
+    b1, reach, row, channel = base[ex.QUARTERS[4]], 4.0 + NEARBY, -1, -1
+    for j in range(work.held.size):
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            g, slope = distance(
+                plant, r, j, path[4, :n2], (b1[0], b1[1], b1[2]), path[4, n2:], side
+            )
+            if 0.0 < g < -slope * quarter * (reach - 4.0):
+                reach, row, channel = 4.0 - g / (slope * quarter), r, j
+    return reach if row >= 0 else 4.0, row, channel
 
 
 @takes(AT_PLANT, REAL, REAL, INTEGER, INTEGER, REAL, INTEGER, INTEGER, REAL, ex.AT_WORK)
@@ -326,6 +337,7 @@ def integrate(
                 work,
             )  # fmt: skip
             if not max(truncation, gap) <= 1.0:
+                ex.be_patient(origin, work)
                 hopeless = iterations == 0 or truncation > HOPELESS
                 level, patience, level_before = fit - 1, PATIENCE, -1
                 if level < 0:
@@ -361,15 +373,15 @@ def integrate(
                         plant, t + last * quarter, quarter, segment, last, share, row, channel,
                         near, work,
                     )  # fmt: skip
+                    if share == 0.0 and reach > 4.0:
+                        share, row, whole = 2.0, -1, True
                     if share == 0.0:
+                        ex.be_patient(origin, work)
                         level, patience, level_before = fit - 1, PATIENCE, -1
                         if level < 0:
                             level, rk_until = 0, t + sizes[0]
                         continue
                 h = (last + share) * quarter
-                if origin >= 0:
-                    ex.remember(fit, origin, work)
-                    origin = np.int64(-1)
                 if whole:
                     ex.keep_forces(work)
                 level_before = np.int64(fit if whole else -1)
@@ -389,6 +401,9 @@ def integrate(
                 elif easy and fit == level and level + 1 < ex.LEVELS:
                     level += 1
                 hopeless = False
+                if origin >= 0:
+                    ex.remember(fit, origin, work)
+                    origin = np.int64(-1)
         else:
             level_before, origin = np.int64(-1), np.int64(-1)
             wanted = min(h_rk, h_max)
@@ -466,7 +481,7 @@ def integrate(
         if at_once:
             flips += 1
         else:
-            flips, rk_until = 0, -np.inf
+            flips, rk_until, patience = 0, -np.inf, 0  # what refused a step lies behind
             in_window += 1
             if t - window > 1.0:
                 window, in_window = t, 1
@@ -478,6 +493,7 @@ def integrate(
         else:
             pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force)
             origin = np.int64(2 * row + (1 if side[row] > 0 else 0))
+            level = ex.bold_level(origin, level, work)
     save_step(record, marks, steps, t, y, a0, a0, side, held, SINGLE)
     keep(arrays)
     return status, events, side, held, record[: steps + 1], marks[: steps + 1]
