@@ -11,6 +11,7 @@ from seatdyn.kernels.shapes import BASE, INTEGERS, REAL, VECTOR
 from seatdyn.kernels.sides import sum_of_laws
 
 ROUNDING, KINK = 1e-13, 1e-11  # shares of a motion: being on a jump, on a kink
+NEAR = 4.0  # tolerances of a break: so far below it nothing is met
 TOUCH = 1e-6  # of a step: a dip narrower than this is none
 SECANTS, SHORTEST = 60, 1e-12  # steps of false position; interval that ends it, of a step
 
@@ -25,18 +26,19 @@ def distance(plant, r, j, y, base, acceleration, side):
 
 
 @inlined
-def bernstein(h, d0, v0, a0, d1, v1, a1, p, q, value, b):
-    """p d + q v - value over a step, d the quintic between its ends, as Bernstein coefficients."""
+def bernstein(h, d0, v0, a0, d1, v1, a1, p, q, value):
+    """p d + q v - value over a step, d the quintic between its ends: six Bernstein coefficients."""
     rate = 5.0 * ((d1 - d0) / h - 0.4 * (v0 + v1)) + 0.25 * h * (a1 - a0)
     rate0, rate1 = v0 + 0.25 * h * a0, v1 - 0.25 * h * a1
-    b[0] = p * d0 + q * v0
-    b[1] = p * (d0 + 0.2 * h * v0) + q * (0.2 * v0 + 0.8 * rate0)
-    b[2] = p * (d0 + 0.4 * h * v0 + 0.05 * h * h * a0) + q * (0.4 * rate0 + 0.6 * rate)
-    b[3] = p * (d1 - 0.4 * h * v1 + 0.05 * h * h * a1) + q * (0.6 * rate + 0.4 * rate1)
-    b[4] = p * (d1 - 0.2 * h * v1) + q * (0.8 * rate1 + 0.2 * v1)
-    b[5] = p * d1 + q * v1
-    for i in range(6):
-        b[i] -= value
+    bend0, bend1 = 0.05 * h * h * a0, 0.05 * h * h * a1
+    return (
+        p * d0 + q * v0 - value,
+        p * (d0 + 0.2 * h * v0) + q * (0.2 * v0 + 0.8 * rate0) - value,
+        p * (d0 + 0.4 * h * v0 + bend0) + q * (0.4 * rate0 + 0.6 * rate) - value,
+        p * (d1 - 0.4 * h * v1 + bend1) + q * (0.6 * rate + 0.4 * rate1) - value,
+        p * (d1 - 0.2 * h * v1) + q * (0.8 * rate1 + 0.2 * v1) - value,
+        p * d1 + q * v1 - value,
+    )
 
 
 @inlined
@@ -149,6 +151,20 @@ def first_zero(b, tolerance):
 
 
 @inlined
+def meeting(h, start, end, p, q, value, tolerance, b):
+    """Where in 0..1 a step first goes below p d + q v = value; see `first_zero`.
+
+    start, end : d, v and a across the channel
+    b : (6,) scratch
+    """
+    b0, b1, b2, b3, b4, b5 = bernstein(h, *start, *end, p, q, value)
+    if min(min(b1, b2), min(b3, b4), b5) > tolerance:
+        return 2.0
+    b[0], b[1], b[2], b[3], b[4], b[5] = b0, b1, b2, b3, b4, b5
+    return first_zero(b, tolerance)
+
+
+@inlined
 def first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
     """Earliest break met in a step: share of the step (2 if none), its row and channel.
 
@@ -168,8 +184,8 @@ def first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scal
                 side[r] * plant.breaks[r, ON_VELOCITY],
             )
             value = side[r] * plant.breaks[r, VALUE]
-            bernstein(h, d0, v0, acc0, d1, v1, acc1, p, q, value, b)
-            share = first_zero(b, 4 * break_tolerance(plant, r, z_scale, v_scale))
+            near = NEAR * break_tolerance(plant, r, z_scale, v_scale)
+            share = meeting(h, (d0, v0, acc0), (d1, v1, acc1), p, q, value, near, b)
             if share < best:
                 best, row, channel = share, r, j
     return best, row, channel

@@ -26,7 +26,16 @@ from seatdyn.kernels.rows import (
     sum_of,
     where_larger,
 )
-from seatdyn.kernels.shapes import BLOCK, INTEGER, INTEGER_TABLE, INTEGERS, REAL, STACK, TABLE, VECTOR
+from seatdyn.kernels.shapes import (
+    BLOCK,
+    INTEGER,
+    INTEGER_TABLE,
+    INTEGERS,
+    REAL,
+    STACK,
+    TABLE,
+    VECTOR,
+)
 from seatdyn.kernels.sides import channel_force, channel_rows
 
 LEVELS = 17  # step sizes of the ladder, each twice the one before
@@ -94,6 +103,7 @@ class Work(NamedTuple):
     spare: np.ndarray  # (3, 3N) three more states and accelerations
     trial: np.ndarray  # (m,) forces at the end of a step that is cut
     six: np.ndarray  # (6,)
+    course: np.ndarray  # (5, 3) d, v and a across a channel at the quarters
 
 
 LADDER = types.NamedTuple(
@@ -103,6 +113,7 @@ WORK = types.NamedTuple(
     [
         TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
         INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
+        TABLE,
     ],
     Work,
 )  # fmt: skip
@@ -139,6 +150,7 @@ def make_work(ladder, y, side, held):
         np.zeros((3, n3)),
         np.zeros(m),
         np.zeros(6),
+        np.zeros((5, 3)),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from seatdyn.kernels import exponential as ex
 from seatdyn.kernels.address import address_of, keep
-from seatdyn.kernels.columns import BREAKS, IS_JUMP
+from seatdyn.kernels.columns import BREAKS, IS_JUMP, ON_DISPLACEMENT, ON_VELOCITY, VALUE
 from seatdyn.kernels.dense import (
     FIRST_HALF,
     SINGLE,
@@ -24,11 +24,12 @@ from seatdyn.kernels.dense import (
     state_within,
 )
 from seatdyn.kernels.events import (
+    NEAR,
     ROUNDING,
     break_tolerance,
     distance,
     find_event,
-    first_event,
+    meeting,
     sides_of,
 )
 from seatdyn.kernels.holding import (
@@ -46,6 +47,8 @@ from seatdyn.kernels.plant import (
     base_motion,
     is_holding,
     plant_at,
+    relative,
+    relative_acceleration,
     segment_at,
 )
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
@@ -80,25 +83,35 @@ def first_break(plant, quarter, z_scale, v_scale, work):
 
     One that will be met just behind the end counts: the next step would be next to nothing.
     """
-    path, base, side = work.path, work.base, work.side
-    n2 = 2 * path.shape[1] // 3
-    for part in range(4):
-        start, end = path[part], path[part + 1]
-        b0, b1 = base[ex.QUARTERS[part]], base[ex.QUARTERS[part + 1]]
-        share, row, channel = first_event(
-            plant, quarter, (b0[0], b0[1], b0[2]), (b1[0], b1[1], b1[2]), start[:n2], end[:n2],
-            start[n2:], end[n2:], work.side, work.held, z_scale, v_scale, work.six,
-        )  # fmt: skip
-        if row >= 0:
-            return part + share, row, channel
-    b1, reach, row, channel = base[ex.QUARTERS[4]], 4.0 + NEARBY, -1, -1
+    path, base, side, course = work.path, work.base, work.side, work.course
+    n2, reach, row, channel = 2 * path.shape[1] // 3, 4.0 + NEARBY, -1, -1
     for j in range(work.held.size):
-        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
-            g, slope = distance(
-                plant, r, j, path[4, :n2], (b1[0], b1[1], b1[2]), path[4, n2:], side
+        first, last = plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]
+        if first == last:
+            continue
+        for i in range(5):
+            x, v, a = base[ex.QUARTERS[i], 0], base[ex.QUARTERS[i], 1], base[ex.QUARTERS[i], 2]
+            course[i, 0], course[i, 1] = relative(plant, j, path[i, :n2], x, v)
+            course[i, 2] = relative_acceleration(plant, j, path[i, n2:], a)
+        for r in range(first, last):
+            p, q = (
+                side[r] * plant.breaks[r, ON_DISPLACEMENT],
+                side[r] * plant.breaks[r, ON_VELOCITY],
             )
-            if 0.0 < g < -slope * quarter * (reach - 4.0):
-                reach, row, channel = 4.0 - g / (slope * quarter), r, j
+            value = side[r] * plant.breaks[r, VALUE]
+            near = NEAR * break_tolerance(plant, r, z_scale, v_scale)
+            d0, v0, a0 = course[0, 0], course[0, 1], course[0, 2]
+            part = 0
+            while part < min(reach, 4.0):
+                d1, v1, a1 = course[part + 1, 0], course[part + 1, 1], course[part + 1, 2]
+                share = meeting(quarter, (d0, v0, a0), (d1, v1, a1), p, q, value, near, work.six)
+                if part + share < reach and share <= 1.0:
+                    reach, row, channel = part + share, r, j
+                d0, v0, a0 = d1, v1, a1
+                part += 1
+            g, fall = p * d0 + q * v0 - value, -quarter * (p * v0 + q * a0)
+            if reach > 4.0 and 0.0 < g < fall * (reach - 4.0):
+                reach, row, channel = 4.0 + g / fall, r, j
     return reach if row >= 0 else 4.0, row, channel
 
 

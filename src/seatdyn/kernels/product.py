@@ -55,9 +55,7 @@ def product(typingctx, row, matrices, index, result):
                 for block, total in enumerate(totals):
                     entries = builder.load(at(first, place, block), align=8)
                     change = builder.fmul(all_x, entries, flags=CONTRACT)
-                    builder.store(
-                        builder.fadd(builder.load(total), change, flags=CONTRACT), total
-                    )
+                    builder.store(builder.fadd(builder.load(total), change, flags=CONTRACT), total)
             for block, total in enumerate(totals):
                 builder.store(builder.load(total), at(end, column, block), align=8)
 
