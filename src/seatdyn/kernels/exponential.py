@@ -18,6 +18,7 @@ from seatdyn.kernels.plant import AT_PLANT, relative, segment_motion
 from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
     WIDTH,
+    any_larger,
     largest_of,
     load,
     member_of,
@@ -48,6 +49,11 @@ PLACES = np.array([*NODES, 0.25, 0.75])  # where the base motion is known
 SPACING = 0.2  # of the points, at most
 OTHERS = NODES - NODES[:, None] + np.eye(POINTS)
 LAGRANGE = 1.0 / np.prod(OTHERS, axis=0)  # one over the product of the ways from the other points
+BERNSTEIN = np.array(
+    [[math.comb(LATER, i) * x**i * (1 - x) ** (LATER - i) for i in range(POINTS)] for x in NODES]
+)
+# (9, 8) from values at the points to the coefficients between both ends, the last of them twice
+TO_BERNSTEIN = np.ascontiguousarray(np.linalg.inv(BERNSTEIN).T[:, [*range(1, LATER), LATER - 1]])
 QUARTERS = np.array([0, POINTS, LATER // 2, POINTS + 1, LATER])  # those at 0, 1/4, 1/2, 3/4, 1
 ITERATIONS = 12
 SMALL_CHANGE = 0.1  # of the tolerance, the effect of a change of the forces that is small
@@ -98,12 +104,11 @@ class Work(NamedTuple):
     known: np.ndarray  # (2m, 8)
     motion: np.ndarray  # (2m, 8) d and v across the channels at the later points
     past: np.ndarray  # (3m, 8) new forces, those of the iteration before, change over what is small
-    on_break: np.ndarray  # (3, 8) displacements and velocities on a break, and forces there
+    beyond: np.ndarray  # (5, 8) scratch of `sides.channel_rows`
     sizes: np.ndarray  # (2, inputs) of what a constant and an eighth polynomial stand for
     spare: np.ndarray  # (3, 3N) three more states and accelerations
     trial: np.ndarray  # (m,) forces at the end of a step that is cut
     six: np.ndarray  # (6,)
-    course: np.ndarray  # (5, 3) d, v and a across a channel at the quarters
 
 
 LADDER = types.NamedTuple(
@@ -113,7 +118,6 @@ WORK = types.NamedTuple(
     [
         TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
         INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
-        TABLE,
     ],
     Work,
 )  # fmt: skip
@@ -145,12 +149,11 @@ def make_work(ladder, y, side, held):
         np.zeros((2 * m, LATER)),
         np.zeros((2 * m, LATER)),
         np.zeros((3 * m, LATER)),
-        np.zeros((3, LATER)),
+        np.zeros((5, LATER)),
         np.zeros((2, ladder.response.shape[2])),
         np.zeros((3, n3)),
         np.zeros(m),
         np.zeros(6),
-        np.zeros((5, 3)),
     )
 
 
@@ -228,7 +231,7 @@ def collocate(plant, ladder, level, work):
             store(motion, c, total)
         squares, up, down = spread(0.0), spread(0.0), spread(0.0)
         for j in range(m):
-            channel_rows(plant, j, motion, work.side, past, work.on_break)
+            channel_rows(plant, j, motion, work.side, past, work.beyond)
             size = work.weight[j] * (load(past, j) - load(later, j))
             turn = size - load(past, 2 * m + j)
             up = up + size * turn
@@ -365,6 +368,20 @@ def ladder_step(
             gap, interpolation_error(ladder.step[level], path, first, z_tolerance, v_tolerance)
         )
     return iterations, error, gap
+
+
+@inlined
+def keeps_off(j, start, p, q, value, margin, work):
+    """Whether p d + q v - value of channel j, `start` at first, stays above a margin in a step.
+
+    The polynomial through the points does if its Bernstein coefficients do; that at the end does
+    not count.
+    """
+    motion, total = work.motion, start * load(TO_BERNSTEIN, 0)
+    for k in range(LATER):
+        g = p * motion[2 * j, k] + q * motion[2 * j + 1, k] - value
+        total = total + g * load(TO_BERNSTEIN, 1 + k)
+    return not any_larger(margin, total)
 
 
 @takes(INTEGER, INTEGER, AT_WORK)

@@ -40,7 +40,7 @@ from seatdyn.kernels.holding import (
     stay,
     try_to_hold,
 )
-from seatdyn.kernels.jit import allocating, inner, kernel, stage, takes
+from seatdyn.kernels.jit import allocating, inlined, inner, kernel, stage, takes
 from seatdyn.kernels.plant import (
     AT_PLANT,
     accelerations,
@@ -76,42 +76,54 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@takes(AT_PLANT, REAL, REAL, REAL, ex.AT_WORK)
+@inlined
+def course_at(plant, j, quarter, work):
+    """Displacement, velocity and acceleration across channel j at a quarter of a ladder step."""
+    state, base = work.path[quarter], work.base[ex.QUARTERS[quarter]]
+    n2 = 2 * state.size // 3
+    d, v = relative(plant, j, state[:n2], base[0], base[1])
+    return d, v, relative_acceleration(plant, j, state[n2:], base[2])
+
+
+@inner
+def first_meeting(plant, j, quarter, p, q, value, near, work):
+    """Where in 0..4 quarters channel j first goes below p d + q v = value; 5 if nowhere."""
+    start = course_at(plant, j, 0, work)
+    for part in range(4):
+        end = course_at(plant, j, part + 1, work)
+        share = meeting(quarter, start, end, p, q, value, near, work.six)
+        if share <= 1.0:
+            return part + share
+        start = end
+    return 5.0
+
+
+@takes(AT_PLANT, REAL, REAL, REAL, REAL, ex.AT_WORK)
 @stage
-def first_break(plant, quarter, z_scale, v_scale, work):
+def first_break(plant, quarter, rtol, z_scale, v_scale, work):
     """Earliest break met in a ladder step, in quarters (4: none), its row and channel.
 
     One that will be met just behind the end counts: the next step would be next to nothing.
     """
-    path, base, side, course = work.path, work.base, work.side, work.course
-    n2, reach, row, channel = 2 * path.shape[1] // 3, 4.0 + NEARBY, -1, -1
+    side, reach, row, channel = work.side, 4.0 + NEARBY, -1, -1
     for j in range(work.held.size):
-        first, last = plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]
-        if first == last:
-            continue
-        for i in range(5):
-            x, v, a = base[ex.QUARTERS[i], 0], base[ex.QUARTERS[i], 1], base[ex.QUARTERS[i], 2]
-            course[i, 0], course[i, 1] = relative(plant, j, path[i, :n2], x, v)
-            course[i, 2] = relative_acceleration(plant, j, path[i, n2:], a)
-        for r in range(first, last):
-            p, q = (
-                side[r] * plant.breaks[r, ON_DISPLACEMENT],
-                side[r] * plant.breaks[r, ON_VELOCITY],
-            )
+        for r in range(plant.channels[j, BREAKS], plant.channels[j + 1, BREAKS]):
+            p = side[r] * plant.breaks[r, ON_DISPLACEMENT]
+            q = side[r] * plant.breaks[r, ON_VELOCITY]
             value = side[r] * plant.breaks[r, VALUE]
             near = NEAR * break_tolerance(plant, r, z_scale, v_scale)
-            d0, v0, a0 = course[0, 0], course[0, 1], course[0, 2]
-            part = 0
-            while part < min(reach, 4.0):
-                d1, v1, a1 = course[part + 1, 0], course[part + 1, 1], course[part + 1, 2]
-                share = meeting(quarter, (d0, v0, a0), (d1, v1, a1), p, q, value, near, work.six)
-                if part + share < reach and share <= 1.0:
-                    reach, row, channel = part + share, r, j
-                d0, v0, a0 = d1, v1, a1
-                part += 1
-            g, fall = p * d0 + q * v0 - value, -quarter * (p * v0 + q * a0)
-            if reach > 4.0 and 0.0 < g < fall * (reach - 4.0):
-                reach, row, channel = 4.0 + g / fall, r, j
+            margin = near + rtol * (abs(p) * z_scale + abs(q) * v_scale)
+            d0, v0, _ = course_at(plant, j, 0, work)
+            d1, v1, a1 = course_at(plant, j, 4, work)
+            g0, g1, fall = p * d0 + q * v0 - value, p * d1 + q * v1 - value, -(p * v1 + q * a1)
+            if min(g0, g1) < -near or not ex.keeps_off(j, g0, p, q, value, margin, work):
+                place = first_meeting(plant, j, quarter, p, q, value, near, work)
+            elif g1 <= near:
+                place = 4.0
+            else:
+                place = 4.0 + g1 / (quarter * fall) if fall > 0.0 else np.inf
+            if place < reach:
+                reach, row, channel = place, r, j
     return reach if row >= 0 else 4.0, row, channel
 
 
@@ -358,7 +370,7 @@ def integrate(
                 continue
             reach = 4.0  # quarters
             if breaks:
-                reach, row, channel = first_break(plant, quarter, z_scale, v_scale, work)
+                reach, row, channel = first_break(plant, quarter, rtol, z_scale, v_scale, work)
                 if row >= 0 and reach * quarter <= instant:
                     if released and fit > 0:
                         level, level_before = fit - 1, -1  # the step is too long to see it go

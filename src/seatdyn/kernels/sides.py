@@ -104,11 +104,11 @@ def rows_of_laws(plant, j, motion, place, forces, at):
 
 
 @inlined
-def channel_rows(plant, j, motion, side, forces, on_break):
+def channel_rows(plant, j, motion, side, forces, scratch):
     """Put the forces of channel j at eight points into row j of `forces`; see `channel_force`.
 
-    motion : displacements in row 2j, velocities in row 2j + 1; what lies beyond is reflected
-    on_break : (3, 8) scratch
+    motion : displacements in row 2j, velocities in row 2j + 1
+    scratch : (5, 8) displacements and velocities on a break and reflected in it, forces on it
     """
     d, v, is_beyond = load(motion, 2 * j), load(motion, 2 * j + 1), False
     d_out, v_out, beyond = spread(0.0), spread(0.0), spread(0.0)
@@ -121,15 +121,16 @@ def channel_rows(plant, j, motion, side, forces, on_break):
             beyond = where_larger(limit, g, 1.0, beyond)
             d_out = where_larger(limit, g, (1.0 / p if p != 0.0 else 0.0) * g, d_out)
             v_out = where_larger(limit, g, (0.0 if p != 0.0 else 1.0 / q) * g, v_out)
-    if is_beyond:
-        x, w = rows_on_side(plant, j, d - d_out, v - v_out, side)
-        store(on_break, 0, x)
-        store(on_break, 1, w)
-        rows_of_laws(plant, j, on_break, 0, on_break, 2)
-        x, w = rows_on_side(plant, j, d - 2.0 * d_out, v - 2.0 * v_out, side)
-        store(motion, 2 * j, x)
-        store(motion, 2 * j + 1, w)
-    rows_of_laws(plant, j, motion, 2 * j, forces, j)
-    if is_beyond:
-        force = load(forces, j)
-        store(forces, j, where_larger(beyond, 0.0, 2.0 * load(on_break, 2) - force, force))
+    if not is_beyond:
+        rows_of_laws(plant, j, motion, 2 * j, forces, j)
+        return
+    x, w = rows_on_side(plant, j, d - d_out, v - v_out, side)
+    store(scratch, 0, x)
+    store(scratch, 1, w)
+    x, w = rows_on_side(plant, j, d - 2.0 * d_out, v - 2.0 * v_out, side)
+    store(scratch, 2, x)
+    store(scratch, 3, w)
+    rows_of_laws(plant, j, scratch, 0, scratch, 4)
+    rows_of_laws(plant, j, scratch, 2, forces, j)
+    force = load(forces, j)
+    store(forces, j, where_larger(beyond, 0.0, 2.0 * load(scratch, 4) - force, force))
