@@ -130,11 +130,11 @@ ladder_at = at(AT_LADDER)
 def make_work(ladder, y, side, held):
     """Arrays for a run from state y that takes the steps of a ladder."""
     m, n3, columns = held.size, 3 * y.size // 2, ladder.advance.shape[2]
-    path, row = np.zeros(n3 + columns), np.zeros(ladder.advance.shape[1])
+    path, row = np.zeros(n3 + columns + WIDTH), np.zeros(ladder.advance.shape[1])
     path[: y.size] = y
     return Work(
         path[: 5 * n3].reshape(5, n3),
-        path[n3:],
+        path[n3 : n3 + columns],
         np.zeros(m),
         side.copy(),
         held.copy(),

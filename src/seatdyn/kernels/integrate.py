@@ -51,6 +51,7 @@ from seatdyn.kernels.plant import (
     relative_acceleration,
     segment_at,
 )
+from seatdyn.kernels.rows import copy_ahead
 from seatdyn.kernels.runge_kutta import rk_error, rk_step
 from seatdyn.kernels.shapes import INTEGER, INTEGER_TABLE, INTEGERS, REAL, TABLE, VECTOR
 from seatdyn.kernels.together import Shares
@@ -233,17 +234,18 @@ def save_step(record, marks, i, t, y, a0, a1, side, held, part):
 @takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, INTEGER, ex.AT_WORK)
 @stage
 def save_half(record, marks, i, t, size, first, work):
-    """Write two quarters of a ladder step, `size` s each, from number `first` on: i and i + 1."""
+    """Write two quarters of a ladder step, `size` s each, from number `first` on: i and i + 1.
+
+    What is copied too much is written over by the rows that follow; the record has some left.
+    """
     path, side, held = work.path, work.side, work.held
-    n2 = 2 * path.shape[1] // 3
+    n3, columns = path.shape[1], record.shape[1]
+    n = n3 // 3
     for part in range(2):
-        row, mark = record[i + part], marks[i + part]
-        start, end = path[first + part], path[first + part + 1]
-        row[0] = t + part * size
-        for q in range(start.size):
-            row[1 + q] = start[q]
-        for q in range(n2, end.size):
-            row[1 + n2 // 2 + q] = end[q]
+        place, begin, mark = (first + part) * n3, (i + part) * columns, marks[i + part]
+        record[i + part, 0] = t + part * size
+        copy_ahead(path, place, record, begin + 1, n3)
+        copy_ahead(path, place + n3 + 2 * n, record, begin + 1 + n3, n)
         for q in range(side.size):
             mark[q] = side[q]
         for q in range(held.size):

@@ -105,6 +105,32 @@ def store(typingctx, array, index, value):
 
 
 @intrinsic
+def copy_ahead(typingctx, source, at, target, to, count):
+    """Copy `count` numbers of contiguous arrays, row by row: up to seven more, which must exist.
+
+    at, to : where they begin; all axes count as one
+    """
+    index = types.int64
+
+    def codegen(context, builder, sig, args):
+        source, target = (
+            builder.gep(context.make_array(sig.args[i])(context, builder, args[i]).data, [args[j]])
+            for i, j in ((0, 1), (2, 3))
+        )
+        step = ir.Constant(ir.IntType(64), WIDTH)
+        with cgutils.for_range_slice(builder, step.type(0), args[4], step) as (place, _):
+            pieces = (
+                builder.bitcast(builder.gep(pointer, [place]), VECTOR.as_pointer())
+                for pointer in (source, target)
+            )
+            start, end = pieces
+            builder.store(builder.load(start, align=ALIGNMENT), end, align=ALIGNMENT)
+        return context.get_dummy_value()
+
+    return types.void(source, index, target, index, index), codegen
+
+
+@intrinsic
 def spread(typingctx, value):
     """A row with the same number for all members."""
     return ROW(types.float64), lambda context, builder, sig, args: _spread(builder, args[0])
