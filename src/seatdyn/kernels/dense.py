@@ -6,7 +6,7 @@ import numpy as np
 
 from seatdyn.kernels.address import address_of
 from seatdyn.kernels.call import call_law
-from seatdyn.kernels.columns import ADDRESS, ELEMENTS, OFFSET
+from seatdyn.kernels.columns import ADDRESS, ELEMENTS, FIRST, OFFSET, SECOND
 from seatdyn.kernels.holding import held_element_forces
 from seatdyn.kernels.jit import inlined, inner, kernel, takes
 from seatdyn.kernels.plant import (
@@ -109,6 +109,17 @@ def bend(c, u):
     )
 
 
+@inlined
+def node_within(k, u, path, first, q):
+    """Displacement, velocity and acceleration of node q where `state_within` has them all."""
+    v, a = path.shape[1] // 3 + q, 2 * path.shape[1] // 3 + q
+    start, middle, end = path[first], path[first + 1], path[first + 2]
+    c = octic(
+        k, start[q], start[v], start[a], middle[q], middle[v], middle[a], end[q], end[v], end[a]
+    )
+    return value(c, u), slope(c, u) / k, bend(c, u) / (k * k)
+
+
 @inner
 def state_within(k, u, path, first, y):
     """State and acceleration at u = -1 .. 1 of two quarters k of a step; see `Work.path`.
@@ -116,13 +127,17 @@ def state_within(k, u, path, first, y):
     They are those of the polynomial that begins with number `first`.
     """
     n = path.shape[1] // 3
-    start, middle, end = path[first], path[first + 1], path[first + 2]
     for q in range(n):
-        v, a = n + q, 2 * n + q
-        c = octic(
-            k, start[q], start[v], start[a], middle[q], middle[v], middle[a], end[q], end[v], end[a]
-        )
-        y[q], y[v], y[a] = value(c, u), slope(c, u) / k, bend(c, u) / (k * k)
+        y[q], y[n + q], y[2 * n + q] = node_within(k, u, path, first, q)
+
+
+@inner
+def relative_within(plant, j, base, k, u, path, first):
+    """Displacement, velocity and acceleration across channel j there."""
+    a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
+    d0, v0, a0 = node_within(k, u, path, first, a) if a >= 0 else base
+    d1, v1, a1 = node_within(k, u, path, first, b) if b >= 0 else base
+    return d1 - d0, v1 - v0, a1 - a0
 
 
 @inlined

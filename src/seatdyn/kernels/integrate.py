@@ -20,6 +20,7 @@ from seatdyn.kernels.dense import (
     FIRST_HALF,
     SINGLE,
     element_forces,
+    relative_within,
     sample,
     state_within,
 )
@@ -140,20 +141,21 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work)
     """
     path, spare, side, held, force = work.path, work.spare, work.side, work.held, work.trial
     n2 = 2 * path.shape[1] // 3
-    end, middle, acceleration, g = spare[0], spare[1], spare[2, : n2 // 2], 0.0
-    for correction in range(CORRECTIONS):
-        state_within(quarter, reach - 1.0, path, first, end)
+    end, middle, g = spare[0], spare[1], 0.0
+    for correction in range(CORRECTIONS if row >= 0 else 0):
         base = base_motion(plant, t + reach * quarter, segment)
-        accelerations(plant, base, end[:n2], side, held, acceleration, force)
-        if row < 0:
-            break
+        d, v, a = relative_within(plant, channel, base, quarter, reach - 1.0, path, first)
+        p, q = plant.breaks[row, ON_DISPLACEMENT], plant.breaks[row, ON_VELOCITY]
         # the polynomial that found the break was less accurate
-        g, slope = distance(plant, row, channel, end[:n2], base, acceleration, side)
-        better = reach - g / (slope * quarter)
+        g = p * d + q * v - plant.breaks[row, VALUE]
+        better = reach - g / ((p * v + q * a) * quarter)
         settled = abs(g) <= tolerance or correction == CORRECTIONS - 1
         if settled or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0 + NEARBY:
             break
         reach = better
+    state_within(quarter, reach - 1.0, path, first, end)
+    base = base_motion(plant, t + reach * quarter, segment)
+    accelerations(plant, base, end[:n2], side, held, spare[2, : n2 // 2], force)
     if abs(g) > MISSED * tolerance or not ex.keeps_forces(0.25 * (first + reach), work):
         return 0.0
     state_within(quarter, 0.5 * reach - 1.0, path, first, middle)
