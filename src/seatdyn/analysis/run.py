@@ -233,7 +233,8 @@ class Problem:
     def start(self, y: Array) -> State:
         """A state whose branches are still to be read from its displacements and velocities."""
         side = np.zeros(self.plant.breaks.shape[0], dtype=np.int64)
-        held = np.full(self.plant.gain.shape[0], FREE, dtype=np.int64)
+        held = np.empty(self.plant.gain.shape[0], dtype=np.int64)
+        held.fill(FREE)
         return State(np.array(y, dtype=float), side, held)
 
     def rest_pulls(self, z: Array, x0: float) -> Array:
