@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatdyn.kernels.columns import FIRST, SECOND
-from seatdyn.kernels.exponential import LATER, LEVELS, NODES, PLACES, POINTS, QUARTERS, Ladder
+from seatdyn.kernels.exponential import BLOCKS, LATER, LEVELS, NODES, PLACES, POINTS, Ladder
 from seatdyn.kernels.plant import Plant
 from seatdyn.kernels.product import WIDTH
 
 Array = NDArray[np.float64]
 TERMS, SMALL = 16, 0.5  # of the series, and the norm of h A that they are enough for
 MOST_EXACT_SINES = 8  # each adds two rows to every matrix
+INSTANTS = np.array([*NODES, 0.25, 0.75])  # of a step: its points, and the quarters beside them
+QUARTERS = np.array([POINTS, LATER // 2, POINTS + 1, LATER])  # those at 1/4, 1/2, 3/4, 1
 LATEST = POINTS - 6  # the last six Legendre coefficients tell how well a polynomial fits
 LEGENDRE = np.polynomial.legendre.legvander(2 * NODES - 1, LATER)
 TO_LEGENDRE = np.linalg.inv(LEGENDRE)
@@ -46,7 +48,7 @@ def _values(places: Array, degree: int = LATER) -> Array:
 def _moments() -> Array:
     """Integrals of (x - s)^k / k! l(s) over 0 .. x, x the later places, (TERMS, 10, 9)."""
     places, weights = np.polynomial.legendre.leggauss(TERMS)
-    x = PLACES[1:, None]
+    x = INSTANTS[1:, None]
     s, ds = 0.5 * x * (1 + places), 0.5 * x * weights
     k = np.arange(TERMS)[:, None, None]
     factorials = np.array([math.factorial(i) for i in range(TERMS)])[:, None, None]
@@ -56,8 +58,8 @@ def _moments() -> Array:
 
 
 MOMENTS = _moments()
-POWERS = PLACES[1:] ** np.arange(TERMS)[:, None] / [[math.factorial(k)] for k in range(TERMS)]
-SECOND_STEP = _values(0.5 * (PLACES[1:, None] + NODES))  # S(x) of the later places
+POWERS = INSTANTS[1:] ** np.arange(TERMS)[:, None] / [[math.factorial(k)] for k in range(TERMS)]
+SECOND_STEP = _values(0.5 * (INSTANTS[1:, None] + NODES))  # S(x) of the later places
 FIRST_STEP = _values(0.5 * NODES)  # S(0)
 RATIOS = 2.0 ** np.arange(1, -LEVELS, -1)  # of the step to the one before
 ONWARD_DEGREE = 4  # of what is carried on beyond its step: higher ones only carry on errors
@@ -92,7 +94,7 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     parts = (free[..., : 2 * n], base, force[..., 0], force[..., 1:].reshape(*free.shape[:3], -1))
     rows = np.concatenate(parts, axis=-1).swapaxes(-1, -2)  # (L, 10, R, 2N)
 
-    angle = steps[:, None, None] * PLACES[:, None] * plant.sines[:, 1]
+    angle = steps[:, None, None] * INSTANTS[:, None] * plant.sines[:, 1]
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     everything = np.concatenate([rows, _base_at_places(plant, turn, rows.shape, exact)], axis=-1)
     across = np.zeros((2 * n + 2, 2 * m))
@@ -106,7 +108,7 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
 
     # states and accelerations, these with the force at their own point
     advance = []
-    for place in QUARTERS[1:]:
+    for place in QUARTERS:
         acceleration = everything[:, place - 1] @ plant.linear.T
         if place < POINTS:
             for j in range(m):
@@ -118,16 +120,19 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     to_legendre[:, : POINTS - LATEST] = TO_LEGENDRE[LATEST:].T
     # to the end state from a constant, and from the polynomial that the ninth looks like
     response = np.moveaxis(driven[:, LATER - 1] @ LEGENDRE[:, [0, LATER - 1]], (1, 2, 3), (3, 2, 1))
+    places = np.zeros(BLOCKS * WIDTH)
+    places[: PLACES.size] = PLACES
+    angle = steps[:, None, None] * plant.sines[:, 1, None] * places
     return Ladder(
         step=steps,
         exact_sines=exact,
-        turn=turn,
+        turn=np.stack([np.cos(angle), np.sin(angle)], axis=2),
         advance=np.concatenate([*advance, filling], axis=-1),
         known=np.ascontiguousarray(relative[:, :unknown]),
         unknown=np.ascontiguousarray(relative[:, unknown:]),
         onward=np.ascontiguousarray(ONWARD),
         to_legendre=to_legendre,
-        response=np.ascontiguousarray(np.abs(response)),
+        response=np.pad(np.abs(response), [*[(0, 0)] * 3, (0, -2 * n % WIDTH)]),
     )
 
 
@@ -169,7 +174,7 @@ def _base_at_places(plant: Plant, turn: Array, shape: tuple[int, ...], exact: bo
         result[:, :, places, 0], result[:, :, places + 1, 0] = cosine, sine
         result[:, :, places, 1], result[:, :, places + 1, 1] = -omega * sine, omega * cosine
     else:
-        values = _values(PLACES[1:])
+        values = _values(INSTANTS[1:])
         for point in range(POINTS):
             row = first + 2 * point
             result[:, :, row, 0] = result[:, :, row + 1, 1] = values[:, point]

@@ -19,9 +19,12 @@ from seatdyn.kernels.product import product
 from seatdyn.kernels.rows import (
     WIDTH,
     any_larger,
+    larger_of,
     largest_of,
     load,
+    load_at,
     member_of,
+    size_of,
     spread,
     store,
     sum_of,
@@ -45,16 +48,19 @@ POINTS = LATER + 1
 NODES = 0.5 + 0.5 * np.array(
     [-1.0, *np.sort(np.polynomial.legendre.Legendre.basis(LATER).deriv().roots()), 1.0]
 )
-PLACES = np.array([*NODES, 0.25, 0.75])  # where the base motion is known
+# where the base motion is known: at the quarters and at the other points
+PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0, *NODES[1:4], *NODES[5:8]])
+PLACE_OF = np.array([0, 5, 6, 7, 2, 8, 9, 10, 4])  # the points
+BLOCKS = -(-PLACES.size // WIDTH)
 SPACING = 0.2  # of the points, at most
 OTHERS = NODES - NODES[:, None] + np.eye(POINTS)
 LAGRANGE = 1.0 / np.prod(OTHERS, axis=0)  # one over the product of the ways from the other points
+MEMBERS = np.arange(WIDTH, dtype=float)
 BERNSTEIN = np.array(
     [[math.comb(LATER, i) * x**i * (1 - x) ** (LATER - i) for i in range(POINTS)] for x in NODES]
 )
 # (9, 8) from values at the points to the coefficients between both ends, the last of them twice
 TO_BERNSTEIN = np.ascontiguousarray(np.linalg.inv(BERNSTEIN).T[:, [*range(1, LATER), LATER - 1]])
-QUARTERS = np.array([0, POINTS, LATER // 2, POINTS + 1, LATER])  # those at 0, 1/4, 1/2, 3/4, 1
 ITERATIONS = 12
 SMALL_CHANGE = 0.1  # of the tolerance, the effect of a change of the forces that is small
 FIRST_CHANGE = 0.02  # of the tolerance: small enough to accept without knowing the ratio
@@ -74,7 +80,7 @@ class Ladder(NamedTuple):
 
     step: np.ndarray  # (L,) s
     exact_sines: bool
-    turn: np.ndarray  # (L, 11, k, 2) cosine and sine of the angle of each lasting sine to PLACES
+    turn: np.ndarray  # (L, k, 2, 16) cosines and sines of the angle of a lasting sine to PLACES
     # (L, R, >= 12N) to state and acceleration at 1/4, 1/2, 3/4 and the end; the accelerations at
     # 1/4 and 3/4, which are no points of the step, without the channel forces
     advance: np.ndarray
@@ -82,7 +88,9 @@ class Ladder(NamedTuple):
     unknown: np.ndarray  # (L, 8m, 16m) the same from the forces at the later points
     onward: np.ndarray  # (L + 1, 9, 8) forces of a step to those of the next: of 2h, h, h/2 ...
     to_legendre: np.ndarray  # (9, 8) from values at the points to the last six coefficients
-    response: np.ndarray  # (L, 2, inputs, 2N) |end state| per unit of a constant, and of the eighth
+    response: (
+        np.ndarray
+    )  # (L, 2, inputs, >= 2N) |end state| per constant, and per eighth polynomial
 
 
 class Work(NamedTuple):
@@ -91,11 +99,12 @@ class Work(NamedTuple):
     path: np.ndarray  # (5, 3N) state and acceleration at the start of a step and its quarters
     result: np.ndarray  # (>= 12N,) the same memory from the first quarter on
     force: np.ndarray  # (m,) channel forces at the start
+    mark: np.ndarray  # (b + m,) and some spare: the next two, as the marks of a step keep them
     side: np.ndarray  # (b,) of every break
     held: np.ndarray  # (m,) break that a channel rests on
     row: np.ndarray  # (R,)
     later: np.ndarray  # (m, 8) the same memory as the end of the row: forces at the later points
-    base: np.ndarray  # (11, 3) base displacement, velocity, acceleration at PLACES
+    base: np.ndarray  # (3, 16) base displacement, velocity, acceleration at PLACES
     before: np.ndarray  # (m, 9) forces at the points of the step before
     memory: np.ndarray  # (2b m, 8) later forces of the last steps that began on a break
     memory_level: np.ndarray  # (2b,) the levels of those steps
@@ -116,8 +125,8 @@ LADDER = types.NamedTuple(
 )
 WORK = types.NamedTuple(
     [
-        TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE, INTEGERS,
-        INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
+        TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE,
+        INTEGERS, INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
     ],
     Work,
 )  # fmt: skip
@@ -132,15 +141,18 @@ def make_work(ladder, y, side, held):
     m, n3, columns = held.size, 3 * y.size // 2, ladder.advance.shape[2]
     path, row = np.zeros(n3 + columns + WIDTH), np.zeros(ladder.advance.shape[1])
     path[: y.size] = y
+    mark = np.zeros(side.size + m + WIDTH, np.int64)
+    mark[: side.size], mark[side.size : side.size + m] = side, held
     return Work(
         path[: 5 * n3].reshape(5, n3),
         path[n3 : n3 + columns],
         np.zeros(m),
-        side.copy(),
-        held.copy(),
+        mark,
+        mark[: side.size],
+        mark[side.size : side.size + m],
         row,
         row[row.size - LATER * m :].reshape(m, LATER),
-        np.zeros((PLACES.size, 3)),
+        np.zeros((3, BLOCKS * WIDTH)),
         np.zeros((m, POINTS)),
         np.zeros((2 * side.size * m, LATER)),
         np.full(2 * side.size, UNKNOWN),
@@ -161,32 +173,32 @@ def make_work(ladder, y, side, held):
 def place_base(plant, ladder, level, t, segment, work):
     """Write the base motion into the row, and (x, v, a) where they are needed into `base`."""
     row, base, sines, turn = work.row, work.base, plant.sines, ladder.turn
-    first = 2 * plant.linear.shape[0]
-    exact = ladder.exact_sines
-    count = PLACES.size
-    if exact:  # the row needs no points
-        count = QUARTERS.size if work.force.size > 0 else 0
-    for i in range(count):
-        q = QUARTERS[i] if exact else i
-        base[q, 0] = base[q, 1] = base[q, 2] = 0.0
-        if not exact:
+    first, exact = 2 * plant.linear.shape[0], ladder.exact_sines
+    # rows of eight places: the quarters are in the first one, and sines ask for no more
+    blocks = (1 if work.force.size > 0 else 0) if exact else BLOCKS
+    for block in range(blocks):
+        for quantity in range(3):
+            store(base, BLOCKS * quantity + block, 0.0)
+    if not exact:
+        for q in range(PLACES.size):
             at = t + PLACES[q] * ladder.step[level]
-            base[q, 0], base[q, 1], base[q, 2] = segment_motion(plant, at, segment)
+            base[0, q], base[1, q], base[2, q] = segment_motion(plant, at, segment)
     for i in range(sines.shape[0]):
         omega, angle = sines[i, 1], sines[i, 1] * t + sines[i, 2]
         sine, cosine = sines[i, 0] * math.sin(angle), sines[i, 0] * math.cos(angle)
         if exact:
             row[first + 2 * i], row[first + 2 * i + 1] = sine, cosine
-        for k in range(count):
-            q = QUARTERS[k] if exact else k
-            c, s = turn[level, q, i, 0], turn[level, q, i, 1]
-            x = sine * c + cosine * s
-            base[q, 0] += x
-            base[q, 1] += omega * (cosine * c - sine * s)
-            base[q, 2] -= omega * omega * x
+        for block in range(blocks):
+            place = 2 * BLOCKS * (level * sines.shape[0] + i) + block
+            c, s = load(turn, place), load(turn, place + BLOCKS)
+            x, v = sine * c + cosine * s, omega * (cosine * c - sine * s)
+            store(base, block, load(base, block) + x)
+            store(base, BLOCKS + block, load(base, BLOCKS + block) + v)
+            store(base, 2 * BLOCKS + block, load(base, 2 * BLOCKS + block) - omega * omega * x)
     if not exact:
         for q in range(POINTS):
-            row[first + 2 * q], row[first + 2 * q + 1] = base[q, 0], base[q, 1]
+            row[first + 2 * q] = base[0, PLACE_OF[q]]
+            row[first + 2 * q + 1] = base[1, PLACE_OF[q]]
 
 
 @inlined
@@ -269,7 +281,7 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
     smooth laws r is small; at a corner it is near one.
     """
     row, sizes, response = work.row, work.sizes, ladder.response
-    m, inputs, n2 = work.force.size, response.shape[2], response.shape[3]
+    m, inputs, n2 = work.force.size, response.shape[2], 2 * work.path.shape[1] // 3
     for j in range(inputs):
         # the channel forces stand last in the row; before them the base motion, if it is sampled
         start = work.force[j] if j < m else row[n2 + j - m]
@@ -286,13 +298,17 @@ def truncation(ladder, level, z_tolerance, v_tolerance, work):
         last = max(c8, r * c7, r**2 * c6, r**3 * c5)
         sizes[1, j] = r * last
         sizes[0, j] = r**8 * last
-    worst, per_z, per_v = 0.0, 1.0 / z_tolerance, 1.0 / v_tolerance
-    for i in range(n2):
-        error = 0.0
+    n, columns = n2 // 2, response.shape[3]
+    worst, per_z, per_v = spread(0.0), spread(1.0 / z_tolerance), spread(1.0 / v_tolerance)
+    for i in range(0, n2, WIDTH):
+        error = spread(0.0)
         for j in range(inputs):
-            error += sizes[0, j] * response[level, 0, j, i] + sizes[1, j] * response[level, 1, j, i]
-        worst = max(worst, error * (per_z if i < n2 // 2 else per_v))
-    return worst
+            place = (2 * level * inputs + j) * columns + i
+            error = error + sizes[0, j] * load_at(response, place)
+            error = error + sizes[1, j] * load_at(response, place + inputs * columns)
+        error = error * where_larger(float(n - i), load(MEMBERS, 0), per_z, per_v)
+        worst = larger_of(error, worst)
+    return largest_of(worst)
 
 
 @inlined
@@ -300,9 +316,9 @@ def add_forces_between(plant, work):
     """Complete accelerations at 1/4 and 3/4 by the laws; the polynomials are less accurate."""
     path, n = work.path, work.path.shape[1] // 3
     for quarter in range(1, 4, 2):
-        state, base = path[quarter], work.base[QUARTERS[quarter]]
+        state, base = path[quarter], work.base
         for j in range(work.force.size):
-            d, v = relative(plant, j, state[: 2 * n], base[0], base[1])
+            d, v = relative(plant, j, state[: 2 * n], base[0, quarter], base[1, quarter])
             force = channel_force(plant, j, d, v, work.side)
             for i in range(n):
                 state[2 * n + i] -= plant.pull[i, j] * force
@@ -316,16 +332,24 @@ def interpolation_error(h, path, first, z_tolerance, v_tolerance):
     (1 - u^2)^3 (c0 + c1 u + c2 u^2). What is left out begins with c3 u^3, c3 about c1 c2/c0.
     """
     n, k = path.shape[1] // 3, 0.25 * h
-    start, middle, end = path[first], path[first + 1], path[first + 2]
-    c0 = c1 = c2 = 1e-300
-    for i in range(n):
-        z0, v0, a0 = start[i], k * start[n + i], k * k * start[2 * n + i]
-        z1, v1, a1 = end[i], k * end[n + i], k * k * end[2 * n + i]
-        d0 = middle[i] - 0.5 * (z0 + z1) - 0.3125 * (v0 - v1) - 0.0625 * (a0 + a1)
-        d1 = k * middle[n + i] - 0.9375 * (z1 - z0) + 0.4375 * (v0 + v1) - 0.0625 * (a1 - a0)
-        d2 = 0.5 * k * k * middle[2 * n + i] + 3 * d0 - 0.375 * (v1 - v0) + 0.125 * (a0 + a1)
-        c0, c2 = max(c0, abs(d0)), max(c2, abs(d2))
-        c1 = max(c1, abs(d1) - ROUNDING * (abs(z0) + abs(z1)))
+    start, middle, end = 3 * n * first, 3 * n * (first + 1), 3 * n * (first + 2)
+    most0 = most1 = most2 = spread(1e-300)
+    for i in range(0, n, WIDTH):
+        z0, v0 = load_at(path, start + i), k * load_at(path, start + n + i)
+        z1, v1 = load_at(path, end + i), k * load_at(path, end + n + i)
+        a0, a1 = k * k * load_at(path, start + 2 * n + i), k * k * load_at(path, end + 2 * n + i)
+        zm, vm = load_at(path, middle + i), k * load_at(path, middle + n + i)
+        am = k * k * load_at(path, middle + 2 * n + i)
+        d0 = zm - 0.5 * (z0 + z1) - 0.3125 * (v0 - v1) - 0.0625 * (a0 + a1)
+        d1 = vm - 0.9375 * (z1 - z0) + 0.4375 * (v0 + v1) - 0.0625 * (a1 - a0)
+        d2 = 0.5 * am + 3.0 * d0 - 0.375 * (v1 - v0) + 0.125 * (a0 + a1)
+        rounding = ROUNDING * (size_of(z0) + size_of(z1))
+        # members behind the last node are other numbers
+        nodes, members = spread(float(n - i)), load(MEMBERS, 0)
+        most0 = where_larger(nodes, members, larger_of(most0, size_of(d0)), most0)
+        most1 = where_larger(nodes, members, larger_of(most1, size_of(d1) - rounding), most1)
+        most2 = where_larger(nodes, members, larger_of(most2, size_of(d2)), most2)
+    c0, c1, c2 = largest_of(most0), largest_of(most1), largest_of(most2)
     c3 = c1 * min(1.0, c2 / c0)
     # the largest values of u^3 (1 - u^2)^3 and of its slope
     return c3 * max(0.057 / z_tolerance, 0.18 / (k * v_tolerance))

@@ -81,10 +81,10 @@ def copy(source, target):
 @inlined
 def course_at(plant, j, quarter, work):
     """Displacement, velocity and acceleration across channel j at a quarter of a ladder step."""
-    state, base = work.path[quarter], work.base[ex.QUARTERS[quarter]]
+    state, base = work.path[quarter], work.base
     n2 = 2 * state.size // 3
-    d, v = relative(plant, j, state[:n2], base[0], base[1])
-    return d, v, relative_acceleration(plant, j, state[n2:], base[2])
+    d, v = relative(plant, j, state[:n2], base[0, quarter], base[1, quarter])
+    return d, v, relative_acceleration(plant, j, state[n2:], base[2, quarter])
 
 
 @inner
@@ -233,26 +233,24 @@ def save_step(record, marks, i, t, y, a0, a1, side, held, part):
     marks[i, side.size + held.size] = part
 
 
-@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, INTEGER, ex.AT_WORK)
+@takes(TABLE, INTEGER_TABLE, INTEGER, REAL, REAL, INTEGER, REAL, ex.AT_WORK)
 @stage
-def save_half(record, marks, i, t, size, first, work):
-    """Write two quarters of a ladder step, `size` s each, from number `first` on: i and i + 1.
+def save_quarters(record, marks, i, t, quarter, last, share, work):
+    """Write the quarters of a ladder step from row i on, and return how many they are.
 
-    What is copied too much is written over by the rows that follow; the record has some left.
+    Those of the half that begins with number `last`, the last one, have `share` in all. What is
+    copied too much is written over by the rows that follow; some are always left.
     """
-    path, side, held = work.path, work.side, work.held
-    n3, columns = path.shape[1], record.shape[1]
+    path, n3, columns, width = work.path, work.path.shape[1], record.shape[1], marks.shape[1]
     n = n3 // 3
-    for part in range(2):
-        place, begin, mark = (first + part) * n3, (i + part) * columns, marks[i + part]
-        record[i + part, 0] = t + part * size
-        copy_ahead(path, place, record, begin + 1, n3)
-        copy_ahead(path, place + n3 + 2 * n, record, begin + 1 + n3, n)
-        for q in range(side.size):
-            mark[q] = side[q]
-        for q in range(held.size):
-            mark[side.size + q] = held[q]
-        mark[side.size + held.size] = FIRST_HALF + part
+    for part in range(last + 2):
+        late, begin = max(part - last, 0), (i + part) * columns
+        record[i + part, 0] = t + (part - late + 0.5 * share * late) * quarter
+        copy_ahead(path, part * n3, record, begin + 1, n3)
+        copy_ahead(path, (part + 1) * n3 + 2 * n, record, begin + 1 + n3, n)
+        copy_ahead(work.mark, 0, marks, (i + part) * width, width - 1)
+        marks[i + part, width - 1] = FIRST_HALF + part % 2
+    return last + 2
 
 
 @kernel
@@ -349,7 +347,7 @@ def integrate(
         z_tolerance = rtol * z_scale
         v_tolerance = max(rtol * v_scale, rounding * z_scale)
         holding = is_holding(held)
-        if steps + 5 >= record.shape[0]:
+        if steps + 8 >= record.shape[0]:
             longer = 2 * record.shape[0]
             record = grow(record, np.empty((longer, record.shape[1])))
             marks = grow(marks, np.empty((longer, marks.shape[1]), np.int64))
@@ -414,10 +412,7 @@ def integrate(
                 if whole:
                     ex.keep_forces(work)
                 level_before = np.int64(fit if whole else -1)
-                for first in range(0, last + 1, 2):
-                    size = quarter if first < last else 0.5 * share * quarter
-                    save_half(record, marks, steps, t + first * quarter, size, first, work)
-                    steps += 2
+                steps += save_quarters(record, marks, steps, t, quarter, last, share, work)
                 copy(arrays.path[last + 2], start)
                 if not whole:
                     copy(arrays.spare[2, :n], a0)
@@ -537,7 +532,7 @@ SHARES = Shares(
         ex.keep_forces,
         ex.remember,
         save_step,
-        save_half,
+        save_quarters,
         rk_error,
         sides_of,
         ex.make_work,

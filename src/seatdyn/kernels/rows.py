@@ -17,8 +17,11 @@ from numba.core import cgutils
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
+from seatdyn.kernels.jit import inlined
+
 WIDTH = 8  # members of a row
-VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+NUMBER = ir.DoubleType()
+VECTOR = ir.VectorType(NUMBER, WIDTH)
 ALIGNMENT = 8  # bytes: numba promises no more
 
 
@@ -93,6 +96,18 @@ def load(typingctx, array, index):
 
 
 @intrinsic
+def load_at(typingctx, array, place):
+    """Eight numbers of a contiguous array from number `place` on; its axes count as one."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        pointer = builder.bitcast(builder.gep(data, [args[1]]), VECTOR.as_pointer())
+        return builder.load(pointer, align=ALIGNMENT)
+
+    return ROW(array, types.int64), codegen
+
+
+@intrinsic
 def store(typingctx, array, index, value):
     """Put a row, or the same number for all, into an array of rows."""
 
@@ -106,7 +121,7 @@ def store(typingctx, array, index, value):
 
 @intrinsic
 def copy_ahead(typingctx, source, at, target, to, count):
-    """Copy `count` numbers of contiguous arrays, row by row: up to seven more, which must exist.
+    """Copy `count` numbers (or integers) of contiguous arrays, row by row: up to seven too many.
 
     at, to : where they begin; all axes count as one
     """
@@ -114,8 +129,13 @@ def copy_ahead(typingctx, source, at, target, to, count):
 
     def codegen(context, builder, sig, args):
         source, target = (
-            builder.gep(context.make_array(sig.args[i])(context, builder, args[i]).data, [args[j]])
-            for i, j in ((0, 1), (2, 3))
+            builder.bitcast(
+                builder.gep(
+                    context.make_array(sig.args[i])(context, builder, args[i]).data, [args[i + 1]]
+                ),
+                NUMBER.as_pointer(),
+            )
+            for i in (0, 2)
         )
         step = ir.Constant(ir.IntType(64), WIDTH)
         with cgutils.for_range_slice(builder, step.type(0), args[4], step) as (place, _):
@@ -145,6 +165,18 @@ def where_larger(typingctx, a, b, yes, no):
         return builder.select(builder.fcmp_ordered(">", a, b), yes, no)
 
     return ROW(a, b, yes, no), codegen
+
+
+@inlined
+def larger_of(a, b):
+    """For each member the larger of two."""
+    return where_larger(a, b, a, b)
+
+
+@inlined
+def size_of(a):
+    """Every member without its sign."""
+    return where_larger(a, 0.0, a, -1.0 * a)
 
 
 @intrinsic
