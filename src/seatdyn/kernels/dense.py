@@ -110,33 +110,37 @@ def bend(c, u):
 
 
 @inlined
-def node_within(k, u, path, first, q):
-    """Displacement, velocity and acceleration of node q where `state_within` has them all."""
+def in_path(k, path, first, q):
+    """Polynomial of node q over two quarters k of a step, from `first` on; see `Work.path`."""
     v, a = path.shape[1] // 3 + q, 2 * path.shape[1] // 3 + q
     start, middle, end = path[first], path[first + 1], path[first + 2]
-    c = octic(
+    return octic(
         k, start[q], start[v], start[a], middle[q], middle[v], middle[a], end[q], end[v], end[a]
     )
+
+
+@inlined
+def motion_at(c, u, k):
+    """Displacement, velocity and acceleration by the polynomial of two quarters k."""
     return value(c, u), slope(c, u) / k, bend(c, u) / (k * k)
 
 
 @inner
-def state_within(k, u, path, first, y):
-    """State and acceleration at u = -1 .. 1 of two quarters k of a step; see `Work.path`.
-
-    They are those of the polynomial that begins with number `first`.
-    """
+def states_within(k, u, middle, path, first, at_u, at_middle):
+    """States and accelerations at two places -1 .. 1 of two quarters k of a step."""
     n = path.shape[1] // 3
     for q in range(n):
-        y[q], y[n + q], y[2 * n + q] = node_within(k, u, path, first, q)
+        c = in_path(k, path, first, q)
+        at_u[q], at_u[n + q], at_u[2 * n + q] = motion_at(c, u, k)
+        at_middle[q], at_middle[n + q], at_middle[2 * n + q] = motion_at(c, middle, k)
 
 
 @inner
 def relative_within(plant, j, base, k, u, path, first):
     """Displacement, velocity and acceleration across channel j there."""
     a, b = plant.channels[j, FIRST], plant.channels[j, SECOND]
-    d0, v0, a0 = node_within(k, u, path, first, a) if a >= 0 else base
-    d1, v1, a1 = node_within(k, u, path, first, b) if b >= 0 else base
+    d0, v0, a0 = motion_at(in_path(k, path, first, a), u, k) if a >= 0 else base
+    d1, v1, a1 = motion_at(in_path(k, path, first, b), u, k) if b >= 0 else base
     return d1 - d0, v1 - v0, a1 - a0
 
 

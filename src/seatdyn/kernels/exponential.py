@@ -233,14 +233,10 @@ def collocate(plant, ladder, level, work):
     """
     row, known, motion, past, later = work.row, work.known, work.motion, work.past, work.later
     m = work.force.size
-    place, first = row.size - LATER * m, 2 * m * LATER * m * level
+    place = row.size - LATER * m
     before = np.inf
     for iteration in range(1, ITERATIONS + 1):
-        for c in range(2 * m):
-            total = load(known, c)
-            for q in range(LATER * m):
-                total = total + row[place + q] * load(ladder.unknown, first + 2 * m * q + c)
-            store(motion, c, total)
+        product(known, row, place, ladder.unknown, level, motion)
         squares, up, down = spread(0.0), spread(0.0), spread(0.0)
         for j in range(m):
             channel_rows(plant, j, motion, work.side, past, work.beyond)
@@ -374,11 +370,11 @@ def ladder_step(
     iterations = 1
     if work.force.size > 0:
         guess_forces(plant, ladder, level, level_before, origin, z_tolerance, v_tolerance, work)
-        product(row, ladder.known, level, known)
+        product(None, row, 0, ladder.known, level, known)
         iterations = collocate(plant, ladder, level, work)
         if iterations == 0:
             return 0, np.inf, np.inf
-    product(row, ladder.advance, level, result)
+    product(None, row, 0, ladder.advance, level, result)
     add_forces_between(plant, work)
     total = 0.0
     for i in range(2 * path.shape[1] // 3):

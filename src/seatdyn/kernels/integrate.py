@@ -22,7 +22,7 @@ from seatdyn.kernels.dense import (
     element_forces,
     relative_within,
     sample,
-    state_within,
+    states_within,
 )
 from seatdyn.kernels.events import (
     NEAR,
@@ -153,12 +153,11 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work)
         if settled or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0 + NEARBY:
             break
         reach = better
-    state_within(quarter, reach - 1.0, path, first, end)
+    states_within(quarter, reach - 1.0, 0.5 * reach - 1.0, path, first, end, middle)
     base = base_motion(plant, t + reach * quarter, segment)
     accelerations(plant, base, end[:n2], side, held, spare[2, : n2 // 2], force)
     if abs(g) > MISSED * tolerance or not ex.keeps_forces(0.25 * (first + reach), work):
         return 0.0
-    state_within(quarter, 0.5 * reach - 1.0, path, first, middle)
     copy(end, path[first + 2])
     copy(middle, path[first + 1])
     copy(force, work.force)

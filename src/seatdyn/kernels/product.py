@@ -17,23 +17,27 @@ TOGETHER = (4, 2, 1)  # such sums at once: a single one waits for its own last a
 
 
 @intrinsic
-def product(typingctx, row, matrices, index, result):
-    """result = row[:rows] @ matrices[index], for C-contiguous arrays; no bounds are checked.
+def product(typingctx, known, row, place, matrices, index, result):
+    """result = known + row[place : place + rows] @ matrices[index]; no bounds are checked.
 
-    row : (>= rows,)
+    known : (columns,), or None for nothing
+    row : (>= place + rows,)
     matrices : (L, rows, columns), columns a multiple of WIDTH
     result : (columns,)
+    All are C-contiguous; of `known` and `result` the axes count as one.
     """
-    signature = types.void(row, matrices, types.int64, result)
+    signature = types.void(known, row, types.int64, matrices, types.int64, result)
 
     def codegen(context, builder, sig, args):
-        table = context.make_array(sig.args[1])(context, builder, args[1])
+        def pointer(i):
+            return context.make_array(sig.args[i])(context, builder, args[i]).data
+
+        table = context.make_array(sig.args[3])(context, builder, args[3])
         _, rows, columns = cgutils.unpack_tuple(builder, table.shape)
-        start, end = (
-            context.make_array(sig.args[i])(context, builder, args[i]).data for i in (0, 3)
-        )
+        start, end = builder.gep(pointer(1), [args[2]]), pointer(5)
+        before = None if sig.args[0] == types.none else pointer(0)
         vector = ir.VectorType(ir.DoubleType(), WIDTH)
-        first = builder.gep(table.data, [builder.mul(args[2], builder.mul(rows, columns))])
+        first = builder.gep(table.data, [builder.mul(args[4], builder.mul(rows, columns))])
 
         def at(pointer, place, block):
             """Pointer to WIDTH numbers; they need not be aligned."""
@@ -41,8 +45,11 @@ def product(typingctx, row, matrices, index, result):
             return builder.bitcast(builder.gep(pointer, [place]), vector.as_pointer())
 
         def sum_up(column, totals):
-            for total in totals:
-                builder.store(ir.Constant(vector, [0.0] * WIDTH), total)
+            for block, total in enumerate(totals):
+                value = ir.Constant(vector, [0.0] * WIDTH)
+                if before is not None:
+                    value = builder.load(at(before, column, block), align=8)
+                builder.store(value, total)
             with cgutils.for_range(builder, rows) as loop:
                 x = builder.load(builder.gep(start, [loop.index]))
                 one = builder.insert_element(
