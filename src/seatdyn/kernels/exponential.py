@@ -52,7 +52,6 @@ NODES = 0.5 + 0.5 * np.array(
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0, *NODES[1:4], *NODES[5:8]])
 PLACE_OF = np.array([0, 5, 6, 7, 2, 8, 9, 10, 4])  # the points
 BLOCKS = -(-PLACES.size // WIDTH)
-SPACING = 0.2  # of the points, at most
 OTHERS = NODES - NODES[:, None] + np.eye(POINTS)
 LAGRANGE = 1.0 / np.prod(OTHERS, axis=0)  # one over the product of the ways from the other points
 MEMBERS = np.arange(WIDTH, dtype=float)
@@ -416,12 +415,15 @@ def remember(level, origin, work):
 
 @inlined
 def bold_level(origin, level, work):
-    """Level of a step that begins on a break: one more than before, but after a refusal there."""
-    level = max(level, work.memory_level[origin])
+    """Level of a step that begins on a break: one more than the last from there, or `level`.
+
+    After refused steps from there it is no more than the last for a while.
+    """
+    last = work.memory_level[origin]
     if work.refused[1, origin] > 0:
         work.refused[1, origin] -= 1
-        return level
-    return min(level + 1, LEVELS - 1)
+        return max(level, last)
+    return max(level, min(last + 1, LEVELS - 1))
 
 
 @inlined
@@ -437,8 +439,7 @@ def keeps_forces(place, work):
     """Whether the polynomials of the forces at `place` (0..1) of a step are the laws in `trial`.
 
     Beyond a break laws go on by reflection, which is another law where several breaks meet. A step
-    that is cut before its first point behind the start has seen nothing else. What is missing at
-    `place` is wrong since the last point before it.
+    that is cut before its first point behind the start has seen nothing else.
     """
     force, later = work.force, work.later
     for j in range(force.size):
@@ -449,7 +450,7 @@ def keeps_forces(place, work):
                 if p != q:
                     share *= place - NODES[p]
             missing -= share * (force[j] if q == 0 else later[j, q - 1])
-        if not SMALL_CHANGE * min(place, SPACING) * work.weight[j] * abs(missing) <= 1.0:
+        if not SMALL_CHANGE * place * work.weight[j] * abs(missing) <= 1.0:
             return False
     return True
 

@@ -65,6 +65,7 @@ START_LEVEL = ex.LEVELS - 4
 PATIENCE = 3  # ladder steps after a refused one before the step is doubled again
 FEW_ITERATIONS = 4  # of the channel forces: a doubled step will converge, too
 DOUBLE_INTERPOLATION, DOUBLE_TRUNCATION = 1 / 600, 1 / 300  # errors that allow a doubled step
+BOLD = 0.2  # error of a step that nothing before it said to be small enough
 HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
 SHORTEST_AFTER_RELEASE = 1e-6  # s
@@ -314,7 +315,7 @@ def integrate(
             fastest = max(fastest, abs(plant.linear[i, q]))
     rounding = 1e-15 * math.sqrt(fastest)
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
-    level, patience = START_LEVEL, 0
+    level, patience, expected = START_LEVEL, 0, START_LEVEL
     level_before = np.int64(-1)  # of the ladder step before, if its forces can be extrapolated
     origin = np.int64(-1)  # break and side that this step begins on, if it does
     hopeless = False  # the refused step before would be refused at half its size, too
@@ -362,7 +363,7 @@ def integrate(
                 plant, ladder, fit, level_before, origin, t, segment, z_tolerance, v_tolerance,
                 work,
             )  # fmt: skip
-            if not max(truncation, gap) <= 1.0:
+            if not max(truncation, gap) <= (BOLD if origin >= 0 and fit > expected else 1.0):
                 ex.be_patient(origin, work)
                 hopeless = iterations == 0 or truncation > HOPELESS
                 level, patience, level_before = fit - 1, PATIENCE, -1
@@ -516,7 +517,7 @@ def integrate(
         else:
             pass_break(plant, t, segment, y, row, channel, side, held, stick_speed, force)
             origin = np.int64(2 * row + (1 if side[row] > 0 else 0))
-            level = ex.bold_level(origin, level, work)
+            expected, level = level, ex.bold_level(origin, level, work)
     save_step(record, marks, steps, t, y, a0, a0, side, held, SINGLE)
     keep(arrays)
     return status, events, side, held, record[: steps + 1], marks[: steps + 1]
