@@ -12,10 +12,10 @@ import pytest
 
 import seatdyn as sd
 from conftest import oscillator, paper_system
-from seatdyn.analysis.ladder import _propagators
+from seatdyn.analysis.ladder import INSTANTS, _propagators
 from seatdyn.analysis.run import Problem, Settings
 from seatdyn.kernels import dense
-from seatdyn.kernels.exponential import LATER, LEVELS, NODES, PLACES
+from seatdyn.kernels.exponential import LATER, LEVELS, NODES
 
 
 def exact(a, g, h, place, degree):
@@ -48,11 +48,11 @@ def test_propagators_have_all_their_digits(rate):
     for level in (0, 7, LEVELS - 1):
         for place in (0, 4, LATER, LATER + 1):
             for degree in (0, 5, 8):
-                transition, answer = exact(a, g, steps[level], PLACES[1 + place], degree)
+                transition, answer = exact(a, g, steps[level], INSTANTS[1 + place], degree)
                 ours = driven[level, place, :, 0] @ (2 * NODES - 1) ** degree
                 change = free[level, place] - np.eye(2), transition - np.eye(2)
                 np.testing.assert_allclose(*change, rtol=1e-12, atol=2e-16)
-                full = np.abs(exact(a, g, steps[level], PLACES[1 + place], 0)[1]).max()
+                full = np.abs(exact(a, g, steps[level], INSTANTS[1 + place], 0)[1]).max()
                 assert np.all(np.abs(ours - answer) < 1e-14 * full * np.array([1.0, rate]))
 
 

@@ -117,6 +117,7 @@ class Work(NamedTuple):
     spare: np.ndarray  # (3, 3N) three more states and accelerations
     trial: np.ndarray  # (m,) forces at the end of a step that is cut
     six: np.ndarray  # (6,)
+    rate: np.ndarray  # (N,) 1/s, of each node on its own links
 
 
 LADDER = types.NamedTuple(
@@ -126,6 +127,7 @@ WORK = types.NamedTuple(
     [
         TABLE, VECTOR, VECTOR, INTEGERS, INTEGERS, INTEGERS, VECTOR, TABLE, TABLE, TABLE, TABLE,
         INTEGERS, INTEGER_TABLE, VECTOR, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR,
+        VECTOR,
     ],
     Work,
 )  # fmt: skip
@@ -165,6 +167,7 @@ def make_work(ladder, y, side, held):
         np.zeros((3, n3)),
         np.zeros(m),
         np.zeros(6),
+        np.zeros(n3 // 3),
     )
 
 

@@ -69,6 +69,7 @@ BOLD = 0.2  # error of a step that nothing before it said to be small enough
 HOPELESS = 10.0  # truncation error that a step of half the size would not make good
 CORRECTIONS, NEARBY = 5, 1e-2  # of the place where a step is cut, half steps
 SHORTEST_AFTER_RELEASE = 1e-6  # s
+ROUGHEST = 8.0  # rad a quarter of a step: motions that its polynomials may have
 MISSED = 100.0  # tolerances: a break that is still so far away is not met
 
 
@@ -130,15 +131,16 @@ def first_break(plant, quarter, rtol, z_scale, v_scale, work):
     return reach if row >= 0 else 4.0, row, channel
 
 
-@takes(AT_PLANT, REAL, REAL, INTEGER, INTEGER, REAL, INTEGER, INTEGER, REAL, ex.AT_WORK)
+@takes(AT_PLANT, REAL, REAL, INTEGER, INTEGER, REAL, INTEGER, INTEGER, REAL, REAL, ex.AT_WORK)
 @stage
-def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work):
+def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, v_tolerance, work):
     """End half of a ladder step, from quarter `first` at t on, after `reach` quarters.
 
     With `row` >= 0 it ends on that break nearby. What the work says of the half becomes that of the
     shorter one, its accelerations those of the polynomial: what keeps it is still the same. Those
     of the laws at the end go to `spare[2]`. Returns the reach, or 0 if the break is not met there,
-    or if the forces are not those of the laws: what found it was too rough for so long a step.
+    or if the forces or accelerations are not those of the laws: what found it was too rough for so
+    long a step. A light node on a stiff link is thrown by a displacement that is next to right.
     """
     path, spare, side, held, force = work.path, work.spare, work.side, work.held, work.trial
     n2 = 2 * path.shape[1] // 3
@@ -157,6 +159,10 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, work)
     states_within(quarter, reach - 1.0, 0.5 * reach - 1.0, path, first, end, middle)
     base = base_motion(plant, t + reach * quarter, segment)
     accelerations(plant, base, end[:n2], side, held, spare[2, : n2 // 2], force)
+    for i in range(n2 // 2):
+        thrown = abs(spare[2, i] - end[n2 + i]) / max(work.rate[i], ROUGHEST / quarter)
+        if not thrown <= v_tolerance:
+            return 0.0
     if abs(g) > MISSED * tolerance or not ex.keeps_forces(0.25 * (first + reach), work):
         return 0.0
     copy(end, path[first + 2])
@@ -313,6 +319,7 @@ def integrate(
     for i in range(n):
         for q in range(2 * n):
             fastest = max(fastest, abs(plant.linear[i, q]))
+        arrays.rate[i] = max(math.sqrt(abs(plant.linear[i, i])), abs(plant.linear[i, n + i]))
     rounding = 1e-15 * math.sqrt(fastest)
     h_rk, last_error = min(h_max, FIRST_STEP), 1.0
     level, patience, expected = START_LEVEL, 0, START_LEVEL
@@ -398,7 +405,7 @@ def integrate(
                     near = break_tolerance(plant, row, z_scale, v_scale) if row >= 0 else 0.0
                     share = cut(
                         plant, t + last * quarter, quarter, segment, last, share, row, channel,
-                        near, work,
+                        near, v_tolerance, work,
                     )  # fmt: skip
                     if share == 0.0 and reach > 4.0:
                         share, row, whole = 2.0, -1, True
