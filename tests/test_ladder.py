@@ -7,6 +7,7 @@ import math
 import pickle
 
 import mpmath
+import numba
 import numpy as np
 import pytest
 
@@ -15,7 +16,8 @@ from conftest import oscillator, paper_system
 from seatdyn.analysis.ladder import INSTANTS, _propagators
 from seatdyn.analysis.run import Problem, Settings
 from seatdyn.kernels import dense
-from seatdyn.kernels.exponential import LATER, LEVELS, NODES
+from seatdyn.kernels.exponential import LATER, LEVELS, NODES, POINTS, TO_BERNSTEIN
+from seatdyn.kernels.product import product
 
 
 def exact(a, g, h, place, degree):
@@ -203,3 +205,55 @@ def test_jumps_of_the_curvature_show_in_the_error():
     for level in (5.0, 8.0):
         runs = both(seat, sd.Sine(60.0, amplitude=level), np.zeros(2), 1.0, 1e-8)
         assert worst_between_steps(*runs, 1.0) < 1e-6
+
+
+@numba.njit
+def multiply(known, row, place, matrices, index, result):
+    product(known, row, place, matrices, index, result)
+
+
+@pytest.mark.parametrize("blocks", [1, 2, 3, 4, 7])
+def test_a_row_times_a_matrix(blocks):
+    """However many columns are summed up at once, from any place of the row on."""
+    rng = np.random.default_rng(blocks)
+    matrices, row = rng.normal(size=(3, 5, 8 * blocks)), rng.normal(size=9)
+    known, result = rng.normal(size=8 * blocks), np.zeros(8 * blocks)
+    multiply(None, row, 0, matrices, 1, result)
+    np.testing.assert_allclose(result, row[:5] @ matrices[1], rtol=1e-13, atol=1e-14)
+    multiply(known, row, 4, matrices, 2, result)
+    np.testing.assert_allclose(result, known + row[4:] @ matrices[2], rtol=1e-13, atol=1e-14)
+
+
+def test_a_polynomial_keeps_above_the_least_of_its_coefficients():
+    """What a step is said to keep off by: Bernstein coefficients from values at its points."""
+    rng = np.random.default_rng(2)
+    x = np.linspace(0.0, 1.0, 1001)
+    for _ in range(200):
+        polynomial = np.polynomial.Chebyshev(rng.normal(size=POINTS), [0.0, 1.0])
+        inner = polynomial(NODES) @ TO_BERNSTEIN
+        assert inner[-1] == inner[-2]
+        least = min(inner.min(), polynomial(0.0), polynomial(1.0))
+        assert polynomial(x).min() >= least - 1e-12
+    np.testing.assert_allclose(NODES @ TO_BERNSTEIN[:, :-1], np.arange(1, 8) / 8, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_a_periodic_motion_goes_from_break_to_break(rtol):
+    """Steps become as long as they may, and stay so: breaks stand half a period apart."""
+    system = paper_system(sd.QuadraticDamper(1000.0))
+    problem = Problem.make(system, sd.Sine(1.55, amplitude=0.8857).motion, Settings(rtol=rtol))
+    run = problem.run(0.0, 60.0, problem.start(np.zeros(6)))
+    assert run.events == 186
+    periods = np.searchsorted(run.record[:, 0], 60.0 - np.array([4, 3, 2, 1]) / 1.55)
+    rows = np.diff(periods)
+    assert rows.min() == rows.max() == (8 if rtol == 1e-3 else 32)
+
+
+def test_what_comes_to_rest_is_not_thrown_at_its_breaks():
+    """A cut that misplaces a light node by less than the tolerance made it cross breaks in vain."""
+    body = sd.SeatedBody("light", {"n1": 0.002}, (sd.Link(("seat", "n1"), 1e6, 1e3),))
+    damper = sd.AsymmetricDamper(bump=600.0, rebound=200.0)
+    system = sd.SeatSystem(body, sd.Seat(39.0, [sd.Spring(16e3), sd.Damper(100.0), damper]))
+    for rtol in (1e-3, 3e-4, 1e-4, 1e-5):
+        ours, theirs = both(system, sd.Step(0.07, 0.9), np.zeros(4), 4.0, rtol)
+        assert ours.events < 3 * theirs.events
