@@ -87,9 +87,7 @@ class Ladder(NamedTuple):
     unknown: np.ndarray  # (L, 8m, 16m) the same from the forces at the later points
     onward: np.ndarray  # (L + 1, 9, 8) forces of a step to those of the next: of 2h, h, h/2 ...
     to_legendre: np.ndarray  # (9, 8) from values at the points to the last six coefficients
-    response: (
-        np.ndarray
-    )  # (L, 2, inputs, >= 2N) |end state| per constant, and per eighth polynomial
+    response: np.ndarray  # (L, 2, inputs, >= 2N) |end state| by a constant, and by the eighth
 
 
 class Work(NamedTuple):

@@ -25,7 +25,7 @@ from seatdyn.kernels.columns import (
 from seatdyn.kernels.jit import inlined
 from seatdyn.kernels.rows import WIDTH, any_larger, load, spread, store, where_larger
 
-LEAST = np.nextafter(0.0, 1.0)
+LEAST = np.nextafter(0.0, 1.0)  # of all positive numbers
 
 
 @inlined
