@@ -145,8 +145,8 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, v_tol
     path, spare, side, held, force = work.path, work.spare, work.side, work.held, work.trial
     n2 = 2 * path.shape[1] // 3
     end, middle, g = spare[0], spare[1], 0.0
+    base = base_motion(plant, t + reach * quarter, segment)
     for correction in range(CORRECTIONS if row >= 0 else 0):
-        base = base_motion(plant, t + reach * quarter, segment)
         d, v, a = relative_within(plant, channel, base, quarter, reach - 1.0, path, first)
         p, q = plant.breaks[row, ON_DISPLACEMENT], plant.breaks[row, ON_VELOCITY]
         # the polynomial that found the break was less accurate
@@ -156,8 +156,8 @@ def cut(plant, t, quarter, segment, first, reach, row, channel, tolerance, v_tol
         if settled or not abs(better - reach) < NEARBY or not 0.0 < better <= 2.0 + NEARBY:
             break
         reach = better
+        base = base_motion(plant, t + reach * quarter, segment)
     states_within(quarter, reach - 1.0, 0.5 * reach - 1.0, path, first, end, middle)
-    base = base_motion(plant, t + reach * quarter, segment)
     accelerations(plant, base, end[:n2], side, held, spare[2, : n2 // 2], force)
     for i in range(n2 // 2):
         thrown = abs(spare[2, i] - end[n2 + i]) / max(work.rate[i], ROUGHEST / quarter)
