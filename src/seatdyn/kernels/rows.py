@@ -139,11 +139,10 @@ def copy_ahead(typingctx, source, at, target, to, count):
         )
         step = ir.Constant(ir.IntType(64), WIDTH)
         with cgutils.for_range_slice(builder, step.type(0), args[4], step) as (place, _):
-            pieces = (
+            start, end = (
                 builder.bitcast(builder.gep(pointer, [place]), VECTOR.as_pointer())
                 for pointer in (source, target)
             )
-            start, end = pieces
             builder.store(builder.load(start, align=ALIGNMENT), end, align=ALIGNMENT)
         return context.get_dummy_value()
 
