@@ -34,7 +34,7 @@ from seatdyn.kernels.levels import (
     SUDDEN_STEEP,
     UNRESOLVED,
 )
-from seatdyn.kernels.rows import WIDTH
+from seatdyn.kernels.rows import WIDTH, aligned
 from seatdyn.kernels.rows_look import AHEAD, ROUGH, look
 from seatdyn.kernels.side_by_side import DEPTH, LEFT, PAIRS, respond, settle
 
@@ -44,7 +44,8 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 FEWEST, MOST = 64, 4096  # samples of a period
-TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
+# members of a level: larger arrays would be new pages of memory every time, a quarter of the work
+TOGETHER = 16 * WIDTH
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
 UNEVEN = 3  # steps between the fastest and the slowest member from which on they are sorted
@@ -152,7 +153,8 @@ def in_rows(values: Array) -> Array:
     if missing:
         values = np.concatenate([values, np.repeat(values[-1:], missing, axis=0)])
     grouped = values.reshape(len(values) // WIDTH, WIDTH, values[0].size).transpose(0, 2, 1)
-    return np.ascontiguousarray(grouped).reshape(len(grouped), *values.shape[1:], WIDTH)
+    rows: Array = aligned(grouped).reshape(len(grouped), *values.shape[1:], WIDTH)
+    return rows
 
 
 class Rows:
@@ -174,22 +176,22 @@ class Rows:
         groups, nodes, m = len(self._base), *many.pull.shape[1:]
         kept = self._matters[:nodes] | self._matters[nodes : 2 * nodes]
         self._places = np.where(kept, np.cumsum(kept) - 1, -1)
-        self._node = np.empty((groups, kept.sum(), m + 1, 0, 2, WIDTH))
-        self._across = np.empty((groups, m, m + 1, 0, 2, WIDTH))
+        self._node = aligned((groups, kept.sum(), m + 1, 0, 2, WIDTH))
+        self._across = aligned((groups, m, m + 1, 0, 2, WIDTH))
         self._doubt = np.zeros((groups, WIDTH))
 
     def _refine(self, count: int) -> None:
         """Work out the linear motion of so many harmonics, but what is known of it."""
         known, linear = self._node.shape[3], [self._node, self._across]
         for i, before in enumerate(linear):
-            linear[i] = np.empty((*before.shape[:3], count, 2, WIDTH))
+            linear[i] = aligned((*before.shape[:3], count, 2, WIDTH))
             linear[i][:, :, :, :known] = before
         self._node, self._across = linear
         nodes, m = self._many.pull.shape[1:]
         respond(
             self._linear, self._pull, self._base, self._omega, self._many.channels, known,
             self._odd, self._places, *linear, self._doubt,
-            np.empty((nodes, nodes + m + 1, 2, WIDTH)),
+            aligned((nodes, nodes + m + 1, 2, WIDTH)),
         )  # fmt: skip
 
     def _members(self, rows: Array) -> Array:
@@ -207,27 +209,27 @@ class Rows:
         count = samples // OVERSAMPLING
         self._refine(count)
         groups, m = self._across.shape[:2]
-        series = np.zeros((groups, m, count, 2, WIDTH))
+        series = aligned((groups, m, count, 2, WIDTH))
         known = guess.shape[2]
         if known:
-            series[:, :, :known] = in_rows(guess)
+            series[:, :, :known], series[:, :, known:] = in_rows(guess), 0.0
         else:
             series[:] = self._across[:, :, m]
         e, q = len(many.elements), many.parameters.shape[1]
         angle = 2 * np.pi * np.arange(n) / n
         self._roots = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-        self._lines = np.empty((2, samples, WIDTH))
-        self._force = np.empty_like(series)
-        self._forces = np.empty((groups, e, samples, WIDTH))
+        self._lines = aligned((2, samples, WIDTH))
+        self._force = aligned(series.shape)
+        self._forces = aligned((groups, e, samples, WIDTH))
         found = np.empty((groups, 4, WIDTH))
         settle(
             self._across, self._omega, self._parameters, many.channels, many.elements,
             self._roots, tolerance, self._odd, series, self._force, self._forces, found,
-            np.empty((PAIRS + 2 * DEPTH, m, count, 2, WIDTH)), self._lines,
-            np.empty((2, m, samples, WIDTH)), np.empty((m, samples, WIDTH)),
-            np.empty(q * samples * WIDTH),
-            np.empty((DEPTH, DEPTH, WIDTH)), np.empty((DEPTH, DEPTH + 1, WIDTH)),
-            np.empty((m, 2, WIDTH)), np.empty((m, m + 1, 2, WIDTH)),
+            aligned((PAIRS + 2 * DEPTH, m, count, 2, WIDTH)), self._lines,
+            aligned((2, m, samples, WIDTH)), aligned((m, samples, WIDTH)),
+            aligned((q * samples * WIDTH,)),
+            aligned((DEPTH, DEPTH, WIDTH)), aligned((DEPTH, DEPTH + 1, WIDTH)),
+            aligned((m, 2, WIDTH)), aligned((m, m + 1, 2, WIDTH)),
         )  # fmt: skip
         found[:, LEFT][~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
         return self._members(series), self._members(found).T
@@ -240,13 +242,13 @@ class Rows:
         """
         count, samples = self._node.shape[3], self._lines.shape[1]
         outputs, columns = self._many.weights.shape[1:]
-        extrema = np.empty((len(self._node), ROUGH + 2, outputs, WIDTH))
+        extrema = aligned((len(self._node), ROUGH + 2, outputs, WIDTH))
         look(
             self._node, self._places, self._force, self._forces, self._base, self._omega,
             self._weights,
             self._matters, self._used, self._begins, self._roots, self._odd, extrema, self._lines,
-            np.empty((count, 2, WIDTH)), np.empty((columns, samples, WIDTH)),
-            np.empty((samples + 2 * AHEAD, WIDTH)),
+            aligned((count, 2, WIDTH)), aligned((columns, samples, WIDTH)),
+            aligned((samples + 2 * AHEAD, WIDTH)),
         )  # fmt: skip
         high, low, *unsure, rough, other = self._members(extrema).transpose(1, 0, 2)
         swing, least = (high - low) / 2, ROUNDING * np.maximum(np.abs(high), np.abs(low))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from seatdyn.kernels.columns import FIRST, SECOND
 from seatdyn.kernels.exponential import BLOCKS, LATER, LEVELS, NODES, PLACES, POINTS, Ladder
 from seatdyn.kernels.plant import Plant
-from seatdyn.kernels.product import WIDTH
+from seatdyn.kernels.rows import WIDTH, aligned
 
 Array = NDArray[np.float64]
 TERMS, SMALL = 16, 0.5  # of the series, and the norm of h A that they are enough for
@@ -126,13 +126,13 @@ def make_ladder(plant: Plant, longest: float) -> Ladder:
     return Ladder(
         step=steps,
         exact_sines=exact,
-        turn=np.stack([np.cos(angle), np.sin(angle)], axis=2),
-        advance=np.concatenate([*advance, filling], axis=-1),
-        known=np.ascontiguousarray(relative[:, :unknown]),
-        unknown=np.ascontiguousarray(relative[:, unknown:]),
-        onward=np.ascontiguousarray(ONWARD),
-        to_legendre=to_legendre,
-        response=np.pad(np.abs(response), [*[(0, 0)] * 3, (0, -2 * n % WIDTH)]),
+        turn=aligned(np.stack([np.cos(angle), np.sin(angle)], axis=2)),
+        advance=aligned(np.concatenate([*advance, filling], axis=-1)),
+        known=aligned(relative[:, :unknown]),
+        unknown=aligned(relative[:, unknown:]),
+        onward=aligned(ONWARD),
+        to_legendre=aligned(to_legendre),
+        response=aligned(np.pad(np.abs(response), [*[(0, 0)] * 3, (0, -2 * n % WIDTH)])),
     )
 
 

@@ -7,10 +7,12 @@ member, but for choices, which `where_larger` makes for each member.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -83,6 +85,21 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
         raise TypeError(f"{kind} must be contiguous, row by row")
     data = context.make_array(kind)(context, builder, array).data
     return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
+
+
+def aligned(values: Any) -> Any:
+    """Copy of an array of numbers whose rows do not lie across two lines of the cache.
+
+    values : (..., WIDTH) or as many numbers as fill rows; or a shape, for an array not yet filled
+    """
+    shape = values if isinstance(values, tuple) else values.shape
+    size = math.prod(shape)
+    space = np.empty(size + WIDTH)
+    start = -(space.ctypes.data // space.itemsize) % WIDTH
+    result = space[start : start + size].reshape(shape)
+    if not isinstance(values, tuple):
+        result[...] = values
+    return result
 
 
 @intrinsic
