@@ -34,7 +34,7 @@ from seatdyn.kernels.levels import (
     SUDDEN_STEEP,
     UNRESOLVED,
 )
-from seatdyn.kernels.rows import WIDTH, aligned
+from seatdyn.kernels.rows import WIDTH, Space, aligned
 from seatdyn.kernels.rows_look import AHEAD, ROUGH, look
 from seatdyn.kernels.side_by_side import DEPTH, LEFT, PAIRS, respond, settle
 
@@ -44,8 +44,7 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 FEWEST, MOST = 64, 4096  # samples of a period
-# members of a level: larger arrays would be new pages of memory every time, a quarter of the work
-TOGETHER = 16 * WIDTH
+TOGETHER = 64 * WIDTH  # members of a level: their arrays stay small
 LARGEST_FACTOR = 1e4  # of an elimination without pivoting
 PATIENCE = 2  # levels that may fail
 UNEVEN = 3  # steps between the fastest and the slowest member from which on they are sorted
@@ -88,20 +87,22 @@ def balance_many(many: Many, tolerance: float) -> tuple[Array, Array]:
     size = len(many.omega)
     amplitude, error = np.full((size, many.weights.shape[1]), np.nan), np.full(size, np.nan)
     odd = not np.any(many.base[:, ::2])  # as long as the laws are
+    spaces = [Space(), Space()]
     for start in range(0, size, TOGETHER):
         part = slice(start, start + TOGETHER)
         try:
-            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd)
+            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd, spaces)
         except NotOdd:
             odd = False
-            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd)
+            amplitude[part], error[part] = ascend(many.take(part), tolerance, odd, spaces)
     return amplitude, error
 
 
-def ascend(many: Many, tolerance: float, odd: bool) -> tuple[Array, Array]:
+def ascend(many: Many, tolerance: float, odd: bool, spaces: list[Space]) -> tuple[Array, Array]:
     """The same for members of one level, from few samples to as many as the estimates ask for.
 
     odd : take the second half of a period for the first turned over; raises NotOdd
+    spaces : two, for the arrays of a level and of the one before
     """
     size, outputs = many.weights.shape[:2]
     m = many.pull.shape[2]
@@ -111,7 +112,7 @@ def ascend(many: Many, tolerance: float, odd: bool) -> tuple[Array, Array]:
     series = np.zeros((size, m, 0, 2))
     before = np.full((size, 2, outputs), np.nan)
     change_before, rough_before = np.full(size, np.inf), np.full((size, outputs), np.inf)
-    n, rows = FEWEST, Rows(many, odd)
+    n, rows = FEWEST, Rows(many, odd, spaces)
     while n <= MOST:
         newton = max(NEWTON_SHARE * tolerance / steepest, SMALLEST_RESIDUAL)
         found, (left, leap, even, steps) = rows.solve(n, series, newton)
@@ -140,7 +141,7 @@ def ascend(many: Many, tolerance: float, odd: bool) -> tuple[Array, Array]:
         if stay.size < place.size or (n == FEWEST and np.ptp(steps) >= UNEVEN):
             stay = stay[np.argsort(steps[stay], kind="stable")]  # a row waits for its slowest
             many, place, failures = many.take(stay), place[stay], failures[stay]
-            rows = Rows(many, odd)
+            rows = Rows(many, odd, spaces)
         before, change_before, series = extrema[stay], change[stay], found[stay]
         rough_before = rough[stay]
         n *= 2
@@ -160,9 +161,10 @@ def in_rows(values: Array) -> Array:
 class Rows:
     """Members as rows, their linear motion as far as it is known, and their motion."""
 
-    def __init__(self, many: Many, odd: bool) -> None:
+    def __init__(self, many: Many, odd: bool, spaces: list[Space]) -> None:
         """Arrange the members; with `odd` the second half of a period is the first, turned over."""
         self._many, self._odd, self._size = many, odd, len(many.omega)
+        self._spaces = spaces
         base = np.stack([many.base.real, many.base.imag], axis=2)
         base[:, 1:] *= 0.5
         self._base, self._omega = in_rows(base), in_rows(many.omega)
@@ -182,16 +184,16 @@ class Rows:
 
     def _refine(self, count: int) -> None:
         """Work out the linear motion of so many harmonics, but what is known of it."""
-        known, linear = self._node.shape[3], [self._node, self._across]
+        known, linear, take = self._node.shape[3], [self._node, self._across], self._spaces[0].take
         for i, before in enumerate(linear):
-            linear[i] = aligned((*before.shape[:3], count, 2, WIDTH))
+            linear[i] = take(*before.shape[:3], count, 2, WIDTH)
             linear[i][:, :, :, :known] = before
         self._node, self._across = linear
         nodes, m = self._many.pull.shape[1:]
         respond(
             self._linear, self._pull, self._base, self._omega, self._many.channels, known,
             self._odd, self._places, *linear, self._doubt,
-            aligned((nodes, nodes + m + 1, 2, WIDTH)),
+            take(nodes, nodes + m + 1, 2, WIDTH),
         )  # fmt: skip
 
     def _members(self, rows: Array) -> Array:
@@ -207,9 +209,12 @@ class Rows:
         """
         many, samples = self._many, n // 2 if self._odd else n
         count = samples // OVERSAMPLING
+        self._spaces.reverse()  # the linear motion known so far is in the other one
+        self._spaces[0].clear()
+        take = self._spaces[0].take
         self._refine(count)
         groups, m = self._across.shape[:2]
-        series = aligned((groups, m, count, 2, WIDTH))
+        series = take(groups, m, count, 2, WIDTH)
         known = guess.shape[2]
         if known:
             series[:, :, :known], series[:, :, known:] = in_rows(guess), 0.0
@@ -218,18 +223,18 @@ class Rows:
         e, q = len(many.elements), many.parameters.shape[1]
         angle = 2 * np.pi * np.arange(n) / n
         self._roots = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-        self._lines = aligned((2, samples, WIDTH))
-        self._force = aligned(series.shape)
-        self._forces = aligned((groups, e, samples, WIDTH))
+        self._lines = take(2, samples, WIDTH)
+        self._force = take(*series.shape)
+        self._forces = take(groups, e, samples, WIDTH)
         found = np.empty((groups, 4, WIDTH))
         settle(
             self._across, self._omega, self._parameters, many.channels, many.elements,
             self._roots, tolerance, self._odd, series, self._force, self._forces, found,
-            aligned((PAIRS + 2 * DEPTH, m, count, 2, WIDTH)), self._lines,
-            aligned((2, m, samples, WIDTH)), aligned((m, samples, WIDTH)),
-            aligned((q * samples * WIDTH,)),
-            aligned((DEPTH, DEPTH, WIDTH)), aligned((DEPTH, DEPTH + 1, WIDTH)),
-            aligned((m, 2, WIDTH)), aligned((m, m + 1, 2, WIDTH)),
+            take(PAIRS + 2 * DEPTH, m, count, 2, WIDTH), self._lines,
+            take(2, m, samples, WIDTH), take(m, samples, WIDTH),
+            take(q * samples * WIDTH),
+            take(DEPTH, DEPTH, WIDTH), take(DEPTH, DEPTH + 1, WIDTH),
+            take(m, 2, WIDTH), take(m, m + 1, 2, WIDTH),
         )  # fmt: skip
         found[:, LEFT][~(self._doubt <= LARGEST_FACTOR**2)] = np.nan
         return self._members(series), self._members(found).T
@@ -242,13 +247,14 @@ class Rows:
         """
         count, samples = self._node.shape[3], self._lines.shape[1]
         outputs, columns = self._many.weights.shape[1:]
-        extrema = aligned((len(self._node), ROUGH + 2, outputs, WIDTH))
+        take = self._spaces[0].take
+        extrema = take(len(self._node), ROUGH + 2, outputs, WIDTH)
         look(
             self._node, self._places, self._force, self._forces, self._base, self._omega,
             self._weights,
             self._matters, self._used, self._begins, self._roots, self._odd, extrema, self._lines,
-            aligned((count, 2, WIDTH)), aligned((columns, samples, WIDTH)),
-            aligned((samples + 2 * AHEAD, WIDTH)),
+            take(count, 2, WIDTH), take(columns, samples, WIDTH),
+            take(samples + 2 * AHEAD, WIDTH),
         )  # fmt: skip
         high, low, *unsure, rough, other = self._members(extrema).transpose(1, 0, 2)
         swing, least = (high - low) / 2, ROUNDING * np.maximum(np.abs(high), np.abs(low))

@@ -24,6 +24,7 @@ from seatdyn.kernels.jit import inlined
 WIDTH = 8  # members of a row
 NUMBER = ir.DoubleType()
 VECTOR = ir.VectorType(NUMBER, WIDTH)
+BLOCK = 2**17  # numbers of a piece of `Space`, at least
 ALIGNMENT = 8  # bytes: numba promises no more
 
 
@@ -100,6 +101,32 @@ def aligned(values: Any) -> Any:
     if not isinstance(values, tuple):
         result[...] = values
     return result
+
+
+class Space:
+    """Memory for arrays of rows that is used again: new pages take as long as some kernels."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._blocks: list[Any] = []
+        self.clear()
+
+    def clear(self) -> None:
+        """Let all of it be used again: arrays that were taken before lose their numbers."""
+        self._block = self._place = 0
+
+    def take(self, *shape: int) -> Any:
+        """Take an array that is not yet filled."""
+        size = math.prod(shape)
+        while True:
+            if self._block == len(self._blocks):
+                self._blocks.append(aligned((max(size, BLOCK),)))
+            block, end = self._blocks[self._block], self._place + size
+            if end <= block.size:
+                taken = block[self._place : end].reshape(shape)
+                self._place = -(-end // WIDTH) * WIDTH
+                return taken
+            self._block, self._place = self._block + 1, 0
 
 
 @intrinsic
