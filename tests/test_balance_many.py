@@ -103,7 +103,7 @@ def test_half_a_period_tells_the_other_half(name):
     system, sets = make(), draw(own, 2 * WIDTH)
     members = Members(system, SINE, sets)
     many = members.many(np.arange(2 * WIDTH), slice(None))
-    whole, half = (ascend(many, 1e-6, odd) for odd in (False, True))
+    whole, half = (ascend(many, 1e-6, odd, [Space(), Space()]) for odd in (False, True))
     np.testing.assert_allclose(half[0], whole[0], rtol=1e-9)
     np.testing.assert_allclose(half[1], whole[1], rtol=1e-2)
 
@@ -112,7 +112,7 @@ def test_a_law_that_is_not_odd_is_found_out():
     make, own = CASES["bump and rebound"]
     members = Members(make(), SINE, draw(own, WIDTH))
     with pytest.raises(NotOdd):
-        ascend(members.many(np.arange(WIDTH), [0]), 1e-6, True)
+        ascend(members.many(np.arange(WIDTH), [0]), 1e-6, True, [Space(), Space()])
 
 
 def test_stiff_enough_is_what_the_condition_says():
@@ -279,3 +279,21 @@ def test_transforms_are_those_of_numpy(n, odd):
     exact = np.fft.irfft(turned, n, norm="forward")[:, :kept]
     np.testing.assert_allclose(slopes.T, exact, atol=1e-11)
     np.testing.assert_allclose(back, series, atol=1e-13)
+
+
+def test_memory_for_rows_is_used_again():
+    """Arrays begin where a row may, do not overlap, and are the same ones after a clearing."""
+    space = Space()
+    for _ in range(2):
+        space.clear()
+        taken = [space.take(3, size, WIDTH) for size in (1, 5000, 7, 20000, 2)]
+        taken.append(space.take(3))
+        for value, array in enumerate(taken):
+            assert array.ctypes.data % (8 * WIDTH) == 0
+            array[...] = value
+        assert all(array.min() == array.max() == i for i, array in enumerate(taken))
+        places = [array.ctypes.data for array in taken]
+    space.clear()
+    assert space.take(3, 1, WIDTH).ctypes.data == places[0]
+    table = np.arange(48.0).reshape(6, 8).T
+    np.testing.assert_array_equal(aligned(table), table)
