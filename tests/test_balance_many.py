@@ -12,7 +12,17 @@ from seatdyn.analysis.balance import LOOSE
 from seatdyn.analysis.balance_many import NotOdd, ascend, balance_many, in_rows
 from seatdyn.analysis.members import Members, affine_numbers, are_stiff, changed_numbers
 from seatdyn.analysis.parameters import with_parameters
-from seatdyn.kernels.rows import WIDTH, any_larger, load, root_of, spread, store, where_larger
+from seatdyn.kernels.rows import (
+    WIDTH,
+    Space,
+    aligned,
+    any_larger,
+    load,
+    root_of,
+    spread,
+    store,
+    where_larger,
+)
 from seatdyn.kernels.rows_fourier import harmonics, samples_of
 from seatdyn.model.elements import NonlinearElement
 from seats_at_random import KINDS
