@@ -178,8 +178,8 @@ class Rows:
         groups, nodes, m = len(self._base), *many.pull.shape[1:]
         kept = self._matters[:nodes] | self._matters[nodes : 2 * nodes]
         self._places = np.where(kept, np.cumsum(kept) - 1, -1)
-        self._node = aligned((groups, kept.sum(), m + 1, 0, 2, WIDTH))
-        self._across = aligned((groups, m, m + 1, 0, 2, WIDTH))
+        self._node = np.empty((groups, kept.sum(), m + 1, 0, 2, WIDTH))
+        self._across = np.empty((groups, m, m + 1, 0, 2, WIDTH))
         self._doubt = np.zeros((groups, WIDTH))
 
     def _refine(self, count: int) -> None:

@@ -164,8 +164,12 @@ def meeting(h, start, end, p, q, value, tolerance, b):
     return first_zero(b, tolerance)
 
 
-@inlined
-def first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
+@takes(
+    AT_PLANT, REAL, BASE, BASE, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL, REAL,
+    VECTOR,
+)  # fmt: skip
+@stage
+def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
     """Earliest break met in a step: share of the step (2 if none), its row and channel.
 
     b : (6,) scratch
@@ -189,16 +193,6 @@ def first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scal
             if share < best:
                 best, row, channel = share, r, j
     return best, row, channel
-
-
-@takes(
-    AT_PLANT, REAL, BASE, BASE, VECTOR, VECTOR, VECTOR, VECTOR, INTEGERS, INTEGERS, REAL, REAL,
-    VECTOR,
-)  # fmt: skip
-@stage
-def find_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b):
-    """The same, not compiled into its callers."""
-    return first_event(plant, h, base, base1, y, y1, a, a1, side, held, z_scale, v_scale, b)
 
 
 @inner

@@ -105,7 +105,7 @@ class Work(NamedTuple):
     before: np.ndarray  # (m, 9) forces at the points of the step before
     memory: np.ndarray  # (2b m, 8) later forces of the last steps that began on a break
     memory_level: np.ndarray  # (2b,) the levels of those steps
-    refused: np.ndarray  # (2, 2b) times that steps from there were, and how many more to wait
+    refused: np.ndarray  # (2, 2b) steps from there to wait since one was refused, and those left
     weight: np.ndarray  # (m,) 1/N, one over the change of a force that is small
     known: np.ndarray  # (2m, 8)
     motion: np.ndarray  # (2m, 8) d and v across the channels at the later points

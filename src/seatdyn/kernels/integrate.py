@@ -407,7 +407,7 @@ def integrate(
                         plant, t + last * quarter, quarter, segment, last, share, row, channel,
                         near, v_tolerance, work,
                     )  # fmt: skip
-                    if share == 0.0 and reach > 4.0:
+                    if share == 0.0 and reach > 4.0:  # the step itself is right
                         share, row, whole = 2.0, -1, True
                     if share == 0.0:
                         ex.be_patient(origin, work)

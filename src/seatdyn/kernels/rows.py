@@ -88,18 +88,18 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
     return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
 
 
-def aligned(values: Any) -> Any:
-    """Copy of an array of numbers whose rows do not lie across two lines of the cache.
-
-    values : (..., WIDTH) or as many numbers as fill rows; or a shape, for an array not yet filled
-    """
-    shape = values if isinstance(values, tuple) else values.shape
+def empty_rows(*shape: int) -> Any:
+    """Array not yet filled whose rows do not lie across two lines of the cache."""
     size = math.prod(shape)
     space = np.empty(size + WIDTH)
     start = -(space.ctypes.data // space.itemsize) % WIDTH
-    result = space[start : start + size].reshape(shape)
-    if not isinstance(values, tuple):
-        result[...] = values
+    return space[start : start + size].reshape(shape)
+
+
+def aligned(values: Any) -> Any:
+    """Copy of an array of numbers, (..., WIDTH), that is laid out so."""
+    result = empty_rows(*values.shape)
+    result[...] = values
     return result
 
 
@@ -120,7 +120,7 @@ class Space:
         size = math.prod(shape)
         while True:
             if self._block == len(self._blocks):
-                self._blocks.append(aligned((max(size, BLOCK),)))
+                self._blocks.append(empty_rows(max(size, BLOCK)))
             block, end = self._blocks[self._block], self._place + size
             if end <= block.size:
                 taken = block[self._place : end].reshape(shape)

@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from seatdyn.kernels.jit import inner, kernel, spliced
 from seatdyn.kernels.orbit import DOUBT, HIGH, LOW
-from seatdyn.kernels.rows import any_larger, load, spread, store, where_larger
+from seatdyn.kernels.rows import (
+    any_larger,
+    larger_of,
+    load,
+    size_of,
+    spread,
+    store,
+    where_larger,
+)
 from seatdyn.kernels.rows_fourier import number, samples_of
 
 TINY = 1e-300
@@ -57,8 +65,7 @@ def widen(signal, i, sign, hope, extrema, way, o):
     for fourth in (
         before + d + b * 6.0 - (a + c) * 4.0, c4 * 24.0, b + after + d * 6.0 - (c + e) * 4.0,
     ):  # fmt: skip
-        rough = where_larger(fourth, rough, fourth, rough)
-        rough = where_larger(fourth * -1.0, rough, fourth * -1.0, rough)
+        rough = larger_of(size_of(fourth), rough)
     known = load(extrema[way], o) * sign
     better = where_larger(hope, 0.0, where_larger(known, best, 0.0, 1.0), 0.0)
     store(extrema[way], o, where_larger(better, 0.0, best, known) * sign)
@@ -143,12 +150,10 @@ def look(
                 value = load(signal, s)
                 high = where_larger(value, high, value, high)
                 low = where_larger(low, value, value, low)
-                change = value - before
-                change = where_larger(change, 0.0, change, change * -1.0)
-                leap = where_larger(change, leap, change, leap)
+                leap = larger_of(size_of(value - before), leap)
                 before = value
             if odd:
-                high = where_larger(high, low * -1.0, high, low * -1.0)
+                high = larger_of(high, low * -1.0)
                 low = high * -1.0
             store(extrema[g, HIGH], o, high)
             store(extrema[g, LOW], o, low)

@@ -17,7 +17,16 @@ from numba.extending import intrinsic
 
 from seatdyn.kernels.columns import ADDRESS, ELEMENTS, FIRST, OFFSET, SECOND
 from seatdyn.kernels.jit import inner, kernel, spliced
-from seatdyn.kernels.rows import any_larger, load, root_of, spread, store, where_larger
+from seatdyn.kernels.rows import (
+    any_larger,
+    larger_of,
+    load,
+    root_of,
+    size_of,
+    spread,
+    store,
+    where_larger,
+)
 from seatdyn.kernels.rows_fourier import harmonics, number, samples_of
 
 DEPTH = 4  # earlier steps that are mixed
@@ -343,15 +352,14 @@ def largest_leap(total, n, odd):
             here = load(total[j], i)
             high, low = where_larger(here, high, here, high), where_larger(low, here, here, low)
             change = here - before
-            change = where_larger(change, 0.0, change, change * -1.0)
-            leap = where_larger(change, leap, change, leap)
+            leap = larger_of(size_of(change), leap)
             before = here
-        top = where_larger(high, low * -1.0, high, low * -1.0)
+        top = larger_of(high, low * -1.0)
         if odd:
             high, low = top, top * -1.0
         size = top * NOISE + TINY
         leap = where_larger(leap, size, leap, 0.0) / (high - low + size)
-        worst = where_larger(leap, worst, leap, worst)
+        worst = larger_of(leap, worst)
     return worst
 
 
@@ -377,13 +385,8 @@ def even_part(channels, elements, values, motion, forces, line, n):
             even, size = spread(0.0), spread(TINY)
             for s in range(n):
                 force = load(forces[e], s)
-                rest = force + load(line, s)
-                rest, force = (
-                    where_larger(rest, 0.0, rest, rest * -1.0),
-                    where_larger(force, 0.0, force, force * -1.0),
-                )
-                even = where_larger(rest, even, rest, even)
-                size = where_larger(force, size, force, size)
+                even = larger_of(size_of(force + load(line, s)), even)
+                size = larger_of(size_of(force), size)
             worst = where_larger(even, size * EVEN, 1.0, worst)
     return worst
 
